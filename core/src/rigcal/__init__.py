@@ -1,0 +1,1 @@
+"""Extrinsic calibration of any mix of cameras, laser range finders and other sensors."""

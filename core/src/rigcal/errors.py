@@ -1,0 +1,61 @@
+"""Every error that rigcal raises on purpose.
+
+    RigcalError
+    +-- InputError                 the user can mend it (exit status 2)
+    |   +-- ConfigError            rig.yaml, a scenario or a calibration file
+    |   +-- RecordingError         a bag, an MCAP or a folder of files
+    |   +-- ObservationError       observations that are malformed, or their file
+    |   +-- PluginError            a plugin that is broken, duplicate, mistyped or misspelt
+    +-- CalibrationError           the data do not give an answer (exit status 1)
+        +-- NotConnectedError      sensors that share no usable exposures
+        +-- NotDeterminedError     a pose that the data leave open
+        +-- NotConvergedError      the optimiser found no minimum
+
+A message says where, what was found, what was expected, and what to do.
+"""
+
+from __future__ import annotations
+
+
+class RigcalError(Exception):
+    """Base class; `exit_code` is what the command line returns."""
+
+    exit_code = 1
+
+
+class InputError(RigcalError):
+    """Something in the input that the user can mend."""
+
+    exit_code = 2
+
+
+class ConfigError(InputError):
+    """A rig, scenario or calibration file that cannot be used."""
+
+
+class RecordingError(InputError):
+    """A recording that cannot be read, or that lacks what the rig names."""
+
+
+class ObservationError(InputError):
+    """Observations that are malformed, or a file of them that cannot be read."""
+
+
+class PluginError(InputError):
+    """A plugin that is broken, duplicate, mistyped or misspelt."""
+
+
+class CalibrationError(RigcalError):
+    """The data do not give an answer."""
+
+
+class NotConnectedError(CalibrationError):
+    """Some sensors share no usable exposures with the others."""
+
+
+class NotDeterminedError(CalibrationError):
+    """The data leave some direction of a sensor's pose open."""
+
+
+class NotConvergedError(CalibrationError):
+    """The optimiser did not find a minimum."""

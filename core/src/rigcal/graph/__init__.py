@@ -1,0 +1,1 @@
+"""Pairs, the spanning tree and the global estimate."""

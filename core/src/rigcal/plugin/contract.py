@@ -1,0 +1,170 @@
+"""What a sensor plugin hands over: one frozen `SensorType`.
+
+Only `config`, `message_types`, `decode` and `detect` are required. Everything else has a default
+in core (residuals by geometry) or is optional (simulation). Heavy imports (open3d, cv2) belong
+inside the functions: listing plugins must import none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.observation import Candidate, Detection
+from rigcal.recording.message import Message, Source
+from rigcal.scene import Scene
+from rigcal.targets.target import Target
+
+CONTRACT_VERSION = 1
+
+
+class RotationConfig(BaseModel):
+    """A unit quaternion by named keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+    @model_validator(mode="after")
+    def _is_unit(self) -> RotationConfig:
+        norm = float(np.linalg.norm([self.x, self.y, self.z, self.w]))
+        if abs(norm - 1) > 1e-3:
+            raise ValueError(f"the quaternion has length {norm:.6g}, expected 1")
+        return self
+
+
+class PoseConfig(BaseModel):
+    """A sensor's pose in its parent: `p_parent = R p_sensor + t`.
+
+    `rpy_deg` is roll, pitch, yaw about the parent's fixed x, y, z, as in URDF.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    parent: str
+    translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy_deg: tuple[float, float, float] | None = None
+    rotation: RotationConfig | None = None
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> PoseConfig:
+        if self.rpy_deg is not None and self.rotation is not None:
+            raise ValueError("give either rpy_deg or rotation, not both")
+        return self
+
+    @property
+    def T_parent_sensor(self) -> Array:
+        """(4, 4)."""
+        if self.rotation is not None:
+            q = self.rotation
+            R = se3.rotation_from_quaternion([q.x, q.y, q.z, q.w])
+        else:
+            R = se3.rotation_from_rpy(np.radians(self.rpy_deg or (0.0, 0.0, 0.0)))
+        return se3.transform(R, self.translation_m)
+
+
+class SensorConfig(BaseModel):
+    """What every sensor in rig.yaml has; sensor types add their own fields.
+
+    Subclasses write `class XConfig(SensorConfig, frozen=True)` and `type: Literal["x"] = "x"`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    type: str
+    topic: str | None = Field(default=None, description="topic of the sensor in a bag")
+    files: str | None = Field(default=None, description="glob of its files in a folder recording")
+    target: str | None = Field(default=None, description="target it looks at, if several are named")
+    pose: PoseConfig | None = Field(default=None, description="truth for simulate; see `initial`")
+    initial: Literal["pose"] | None = Field(
+        default=None, description="`pose`: start the estimate from the pose given here"
+    )
+    fixed: bool = Field(default=False, description="keep the pose given here, do not estimate it")
+
+    @model_validator(mode="after")
+    def _pose_is_there(self) -> SensorConfig:
+        if (self.fixed or self.initial) and self.pose is None:
+            key = "fixed: true" if self.fixed else "initial: pose"
+            raise ValueError(f"{key} needs a pose: add `pose: {{parent: ..., ...}}`")
+        return self
+
+    @property
+    def source(self) -> Source:
+        """Where a recording keeps this sensor's data."""
+        return Source(topic=self.topic, files=self.files)
+
+
+class Residual(Protocol):
+    """The whitened error of one observation as a function of the target's pose in the sensor.
+
+    Calling it with `T_s_t` (4, 4) returns r (m,), whose entries have unit variance and are
+    independent when the measurements have the configured noise, and J (m, 6), its derivative by a
+    right perturbation of `T_s_t` ([rotation, translation]). `block` rows belong to one measurement
+    (two for a pixel): robust weights are given per block; m is a multiple of it. `dof` is the
+    number of independent entries of r (m, unless rows are a compressed form of fewer).
+    """
+
+    block: int
+    dof: int
+
+    def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
+        """R (m,) and J (m, 6) at `T_s_t`."""
+        ...
+
+
+Frame = Any
+"""A decoded message, in whatever form (numpy) the plugin's own functions share."""
+
+Decode = Callable[[Message, Any], Frame]
+Detect = Callable[[Frame, Any, Target], Detection]
+MakeResidual = Callable[[Candidate, Any, Target], Residual]
+Simulate = Callable[[Array, Scene, Any, np.random.Generator], Frame]
+Encode = Callable[[Frame, Any, int, str], Any]
+Errors = Callable[[Candidate, Any, Target, Array], Array]
+
+
+@dataclass(frozen=True)
+class SensorType:
+    """One kind of sensor.
+
+    name            what rig.yaml says after `type:`
+    config          its pydantic class
+    message_types   ROS names and file suffixes that `decode` accepts
+    decode          (message, config) -> frame; raises RecordingError on data that it cannot use
+    detect          (frame, config, target) -> Detection, all candidates in the sensor's own frame
+    residual        (candidate, config, target) -> Residual; None: the default of the geometry
+    errors          (candidate, config, target, T_s_t) -> (N,) or (N, 2) unwhitened errors of the
+                    raw measurements in `unit`, for statistics; None: by geometry, in metres
+    unit            unit of `errors`: "px", "m"
+    simulate        (T_w_s, scene, config, rng) -> frame
+    encode          (frame, config, stamp_ns, frame_id) -> ROS message (see `recording.ros`)
+    message_type    ROS name of what `encode` makes
+    extra_messages  (config, stamp_ns, frame_id) -> {topic suffix: (type, message)}: what goes
+                    along with each frame (a camera's CameraInfo)
+    sees            (points (N, 3) in the sensor's frame, config) -> (N,) which are in its view
+    """
+
+    name: str
+    config: type[SensorConfig]
+    message_types: tuple[str, ...]
+    decode: Decode
+    detect: Detect
+    residual: MakeResidual | None = None
+    errors: Errors | None = None
+    unit: str = "m"
+    simulate: Simulate | None = None
+    encode: Encode | None = None
+    message_type: str | None = None
+    extra_messages: Callable[[Any, int, str], dict[str, tuple[str, Any]]] | None = None
+    sees: Callable[[Array, Any], NDArray[np.bool_]] | None = None
+    contract: int = CONTRACT_VERSION

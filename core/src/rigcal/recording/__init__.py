@@ -1,0 +1,1 @@
+"""Messages of bags and folders, streamed; and the writer."""

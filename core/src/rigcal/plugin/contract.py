@@ -67,10 +67,10 @@ class PoseConfig(BaseModel):
         """(4, 4)."""
         if self.rotation is not None:
             q = self.rotation
-            R = se3.rotation_from_quaternion([q.x, q.y, q.z, q.w])
+            R = se3.rotation_from_quaternion(np.array([q.x, q.y, q.z, q.w]))
         else:
             R = se3.rotation_from_rpy(np.radians(self.rpy_deg or (0.0, 0.0, 0.0)))
-        return se3.transform(R, self.translation_m)
+        return se3.transform(R, np.array(self.translation_m))
 
 
 class SensorConfig(BaseModel):

@@ -1,0 +1,82 @@
+"""The result: a tree of transforms with covariances, statistics, and what was left out and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rigcal.errors import ConfigError
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+
+
+@dataclass(frozen=True)
+class ResidualStatistics:
+    """Unwhitened errors of a sensor's inlier measurements, in `unit`."""
+
+    unit: str
+    rms: float
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class SensorResult:
+    """One sensor of the tree.
+
+    `T_parent_sensor` (4, 4): `p_parent = T @ p_sensor`; the root has itself as `parent` and the
+    identity. `covariance` (6, 6) over [rotation rad, translation m], right perturbation, in the
+    sensor's frame; None for the root, for a fixed pose, and in truth files. `observations` were
+    detected, `inliers` of them used. `noise_scale` is the estimated over the configured noise.
+    """
+
+    parent: str
+    T_parent_sensor: Array
+    covariance: Array | None = None
+    observations: int | None = None
+    inliers: int | None = None
+    residual: ResidualStatistics | None = None
+    noise_scale: float | None = None
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """Data of one sensor in one exposure that the result does not rest on, and why."""
+
+    sensor: str
+    exposure: str
+    origin: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A tree of sensors rooted at `root`; `sensors` includes the root."""
+
+    root: str
+    sensors: Mapping[str, SensorResult]
+    target_poses: Mapping[str, Array] = field(default_factory=dict)
+    """`T_root_t` (4, 4) per exposure."""
+    rejected: tuple[Rejection, ...] = ()
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, object] = field(default_factory=dict)
+    """Versions, seed, input hashes, settings: plain strings and numbers."""
+
+    def T(self, a: str, b: str) -> Array:
+        """`T_a_b` (4, 4) between any two sensors of the tree; ConfigError for an unknown name."""
+        return se3.inverse(self._T_root(a)) @ self._T_root(b)
+
+    def _T_root(self, name: str) -> Array:
+        T = np.eye(4)
+        seen: set[str] = set()
+        while name != self.root:
+            if name not in self.sensors or name in seen:
+                known = ", ".join(self.sensors)
+                raise ConfigError(
+                    f"no way from sensor '{name}' to root '{self.root}' (has: {known})"
+                )
+            seen.add(name)
+            T = self.sensors[name].T_parent_sensor @ T
+            name = self.sensors[name].parent
+        return T

@@ -114,8 +114,15 @@ class Residual(Protocol):
     number of independent entries of r (m, unless rows are a compressed form of fewer).
     """
 
-    block: int
-    dof: int
+    @property
+    def block(self) -> int:
+        """Rows per measurement."""
+        ...
+
+    @property
+    def dof(self) -> int:
+        """Independent entries of r."""
+        ...
 
     def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
         """R (m,) and J (m, 6) at `T_s_t`."""

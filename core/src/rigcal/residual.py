@@ -1,0 +1,195 @@
+"""Default residuals by geometry, and the constant-cost residual of laser beams.
+
+Each implements `rigcal.plugin.Residual`: whitened error and Jacobian as a function of `T_s_t`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigcal.errors import ObservationError
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.geometry.shapes import plane_of_target, tangent_basis
+from rigcal.observation import Candidate, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
+from rigcal.plugin.contract import Residual
+
+_E_Z = np.array([0.0, 0.0, 1.0])
+
+
+def whitener(covariance: Array) -> Array:
+    """W (m, m) with `W^T W = covariance^-1`; ObservationError if it is not positive definite."""
+    try:
+        L = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        raise ObservationError(
+            "a covariance is not positive definite (its eigenvalues are "
+            f"{np.linalg.eigvalsh(covariance)}); a detector must report variances above zero"
+        ) from None
+    result: Array = np.linalg.inv(L)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneResidual:
+    """r = A [n; d] / s, linear in the target's plane `n . p + d = 0`; A is (m, 4), whitened.
+
+    s is 1, or with `planar` the length of n in the sensor's x-y plane: a scan in z = 0 sees only
+    the trace of the target's plane, whose normalised form has n_xy of unit length.
+    """
+
+    A: Array
+    planar: bool = False
+
+    @property
+    def block(self) -> int:
+        """All rows belong to one measurement of a plane or line."""
+        return len(self.A)
+
+    @property
+    def dof(self) -> int:
+        """One per row."""
+        return len(self.A)
+
+    def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
+        """r (m,) and J (m, 6) by a right perturbation: dn = -R [e_z]_x w, dd = -dn . t - v_z."""
+        n, d = plane_of_target(T_s_t)
+        dpi = np.zeros((4, 6))
+        dpi[:3, :3] = -T_s_t[:3, :3] @ se3.skew(_E_Z)
+        dpi[3, :3] = -T_s_t[:3, 3] @ dpi[:3, :3]
+        dpi[3, 5] = -1.0
+        r, J = self.A @ np.append(n, d), self.A @ dpi
+        if not self.planar:
+            return r, J
+        s = max(float(np.hypot(n[0], n[1])), 1e-9)
+        ds = n[:2] @ dpi[:2] / s
+        return r / s, (J - np.outer(r / s, ds)) / s
+
+
+def beam_residual(
+    directions: Array,
+    ranges: Array,
+    sigma: Array,
+    normal: Array,
+    d: float,
+    *,
+    planar: bool = False,
+    origins: Array | None = None,
+) -> PlaneResidual:
+    """Measured range minus the range at which each beam meets the target's plane, whitened.
+
+    `t_i = -(n . p0_i + d) / (n . rho_i)` (MSG-Cal, eq. 4.12). directions rho (N, 3) unit, ranges
+    (N,), sigma (N,) of the range (m), origins p0 (N, 3) or None for the sensor's origin; normal
+    and d are a first plane (for `planar`, beams in z = 0: a first line, normal with z = 0).
+
+    The sum of squares over all beams is replaced by its sufficient statistic: with the
+    maximum-likelihood plane pi_0 and the points q_i where the beams meet it,
+    `M = sum [q_i; 1] [q_i; 1]^T / (sigma_i n_0 . rho_i)^2`; the cost of any plane pi is
+    `pi^T M pi` up to a constant and terms of third order. So an edge has 3 rows (2 for a scan)
+    however many beams it has. ObservationError if the beams do not determine a plane (line).
+    """
+    rank = 2 if planar else 3
+    p0 = np.zeros(3) if origins is None else origins
+    pi = np.append(normal, d) / np.linalg.norm(normal)
+    for _ in range(4):
+        cosine = directions @ pi[:3]
+        q, w = _meet(p0, directions, pi), 1 / (sigma * cosine)
+        error = ranges + (np.einsum("...i,i->...", p0, pi[:3]) + pi[3]) / cosine
+        rows = np.column_stack([q, np.ones(len(q))]) * w[:, None]
+        if planar:
+            rows[:, 2] = 0.0
+        # d(error) = [q; 1] . dpi / cosine; the step along pi itself changes nothing.
+        values, vectors = np.linalg.eigh(rows.T @ rows)
+        values, vectors = values[-rank:], vectors[:, -rank:]
+        if len(ranges) < rank or values[0] <= 1e-12 * values[-1]:
+            kind = "line" if planar else "plane"
+            raise ObservationError(f"{len(ranges)} beams do not determine a {kind}")
+        pi = pi - vectors @ ((vectors.T @ (rows.T @ (error / sigma))) / values)
+        pi /= np.linalg.norm(pi[:3])
+    rows = np.column_stack([_meet(p0, directions, pi), np.ones(len(ranges))])
+    rows /= (sigma * (directions @ pi[:3]))[:, None]
+    if planar:
+        rows[:, 2] = 0.0
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    return PlaneResidual(np.sqrt(values[-rank:, None]) * vectors[:, -rank:].T, planar)
+
+
+def _meet(p0: Array, directions: Array, pi: Array) -> Array:
+    """(N, 3) points where beams meet a plane pi = [n, d]."""
+    t = -(np.einsum("...i,i->...", p0, pi[:3]) + pi[3]) / (directions @ pi[:3])
+    result: Array = p0 + t[:, None] * directions
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class PoseResidual:
+    """r = W [Log(R_m^T R); R_m^T (t - t_m)], which is Log(T_m^-1 T) to first order."""
+
+    T_s_t: Array
+    W: Array
+    block: int = 6
+    dof: int = 6
+
+    def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
+        """r (6,) and J (6, 6); the rotation's part is the inverse right Jacobian of SO(3)."""
+        D = se3.inverse(self.T_s_t) @ T_s_t
+        w = se3.log_so3(D[:3, :3])
+        J = np.zeros((6, 6))
+        J[:3, :3], J[3:, 3:] = _inverse_right_jacobian(w), D[:3, :3]
+        return self.W @ np.concatenate([w, D[:3, 3]]), self.W @ J
+
+
+def _inverse_right_jacobian(w: Array) -> Array:
+    """(3, 3) `Jr^-1(w)` (Sola et al. 2018, eq. 144)."""
+    angle, K = float(np.linalg.norm(w)), se3.skew(w)
+    near_zero = angle < 1e-4
+    c = 1 / 12 if near_zero else 1 / angle**2 - 1 / (2 * angle * np.tan(angle / 2))
+    result: Array = np.eye(3) + K / 2 + c * (K @ K)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class PointResidual:
+    """r = W (T_s_t p_t - p_s)."""
+
+    p_t: Array
+    p_s: Array
+    W: Array
+    block: int = 3
+    dof: int = 3
+
+    def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
+        """r (3,) and J (3, 6) = W R [-[p_t]_x, I]."""
+        R = T_s_t[:3, :3]
+        J = np.hstack([-R @ se3.skew(self.p_t), R])
+        return self.W @ (se3.apply(T_s_t, self.p_t) - self.p_s), self.W @ J
+
+
+def residual_of_geometry(candidate: Candidate) -> Residual:
+    """The default residual of a candidate, from its geometry and covariance alone."""
+    g = candidate.geometry
+    match g:
+        case PoseGeometry():
+            return PoseResidual(g.T_s_t, whitener(g.covariance))
+        case PointGeometry():
+            return PointResidual(g.target_point, g.position, whitener(g.covariance))
+        case PlaneGeometry():
+            A = np.zeros((3, 4))
+            A[:2, :3] = tangent_basis(g.normal).T @ se3.skew(g.normal)
+            A[2] = -np.append(g.center, 1.0)
+            return PlaneResidual(whitener(g.covariance) @ A)
+        case LineGeometry():
+            return _line_residual(g)
+
+
+def _line_residual(g: LineGeometry) -> PlaneResidual:
+    """Distance of both end points from the trace of the target's plane in the scan plane z = 0."""
+    along = g.end - g.start
+    across = np.array([-along[1], along[0], 0.0]) / np.hypot(along[0], along[1])
+    N = np.zeros((2, 6))
+    N[0, :3] = N[1, 3:] = across
+    ends = np.column_stack([np.stack([g.start, g.end]), np.ones(2)])
+    ends[:, 2] = 0.0
+    return PlaneResidual(whitener(N @ g.covariance @ N.T) @ ends, planar=True)

@@ -1,5 +1,10 @@
 """Planar calibration targets."""
 
+from rigcal.targets.apriltag_grid import APRILTAG_GRID
+from rigcal.targets.charuco import CHARUCO
+from rigcal.targets.checkerboard import CHECKERBOARD
 from rigcal.targets.target import Patch, Target, TargetConfig, TargetType
 
-__all__ = ["Patch", "Target", "TargetConfig", "TargetType"]
+BUILTIN_TARGETS: tuple[TargetType, ...] = (APRILTAG_GRID, CHECKERBOARD, CHARUCO)
+
+__all__ = ["BUILTIN_TARGETS", "Patch", "Target", "TargetConfig", "TargetType"]

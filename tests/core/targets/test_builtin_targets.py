@@ -72,7 +72,7 @@ def test_kalibr_print_is_read_by_opencv_with_two_border_cells(id_order: str) -> 
     corners, ids, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(image)
     assert len(ids) >= 20
     for quad, tag_id in zip(corners, ids.ravel(), strict=True):
-        expected = pixels(target.points[target.groups["tag_corners"][tag_id]])
+        expected = pixels(target.points[target.groups["tag_corners"][int(tag_id)]])
         # OpenCV goes clockwise from the top left of its own print, which is upside down to ours.
         np.testing.assert_allclose(quad[0], expected[[1, 0, 3, 2]], atol=1.5)
 

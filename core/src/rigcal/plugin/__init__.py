@@ -8,10 +8,14 @@ from rigcal.plugin.contract import (
     SensorType,
 )
 from rigcal.plugin.hookspecs import hookimpl
+from rigcal.plugin.registry import BrokenPlugin, Plugin, Registry
 
 __all__ = [
     "CONTRACT_VERSION",
+    "BrokenPlugin",
+    "Plugin",
     "PoseConfig",
+    "Registry",
     "Residual",
     "SensorConfig",
     "SensorType",

@@ -1,0 +1,145 @@
+"""YAML files with line numbers, validated by pydantic; all that is wrong is told at once."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from rigcal.errors import ConfigError
+from rigcal.validation import Key, explain
+
+_M = TypeVar("_M", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Document:
+    """The mapping that a file holds; `lines` tells where in it each key stands."""
+
+    name: str
+    data: dict[Any, Any]
+    lines: Mapping[tuple[Key, ...], int] = field(default_factory=dict)
+
+    def where(self, path: tuple[Key, ...]) -> str:
+        """`rig.yaml:12: sensors.cam0.topic`, with the line of the nearest key above if need be."""
+        known = path
+        while known and known not in self.lines:
+            known = known[:-1]
+        place = f"{self.name}:{self.lines[known]}" if known in self.lines else self.name
+        return f"{place}: {dotted(path)}" if path else place
+
+
+class Problems:
+    """What is wrong in a document, one line each, raised as one ConfigError."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self._found: list[tuple[tuple[Key, ...], str]] = []
+
+    def add(self, path: tuple[Key, ...], text: str) -> None:
+        """Note what is wrong at a path such as ("sensors", "cam0")."""
+        self._found.append((path, text))
+
+    def validate(self, model: type[_M], data: object, path: tuple[Key, ...] = ()) -> _M | None:
+        """`data` as an instance of `model`, or None after noting every error in it."""
+        if not isinstance(data, dict):
+            self.add(path, f"found {describe(data)}, expected a mapping (`key: value` lines)")
+            return None
+        try:
+            return model.model_validate(data)
+        except ValidationError as error:
+            for inner, text in explain(error, model, data):
+                self.add((*path, *inner), text)
+            return None
+
+    def raise_if_any(self) -> None:
+        """ConfigError listing everything found, in the order of the file's lines."""
+        if self._found:
+            where, line = self.document.where, self.document.lines
+            ordered = sorted(self._found, key=lambda found: line.get(found[0], 0))
+            raise ConfigError("\n".join(f"{where(path)}: {text}" for path, text in ordered))
+
+
+def describe(data: object) -> str:
+    """A value as a message shows it."""
+    if data is None:
+        return "nothing"
+    if isinstance(data, dict):
+        return "a mapping"
+    if isinstance(data, list):
+        return "a list"
+    return repr(data)
+
+
+def dotted(path: tuple[Key, ...]) -> str:
+    """`sensors.cam0.focal_px[1]`."""
+    text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
+    return text.removeprefix(".")
+
+
+def read_document(path: Path | str, holds: str) -> Document:
+    """The mapping in a YAML file; `holds` says what it should be ("a rig").
+
+    ConfigError when the file is missing, unreadable, empty, not YAML, not a mapping, or names a
+    key twice.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file, expected {holds} in YAML") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ConfigError(f"{path}: cannot be read as {holds}: {reason}") from error
+    loader = yaml.SafeLoader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            raise ConfigError(f"{path}: the file is empty, expected {holds}")
+        lines: dict[tuple[Key, ...], int] = {}
+        _walk(node, (), lines, str(path))
+        data = loader.construct_document(node)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else str(path)
+        raise ConfigError(f"{place}: not valid YAML: {error.problem or error.context}") from error
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    finally:
+        loader.dispose()
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: found {describe(data)}, expected {holds}: a mapping of keys")
+    return Document(str(path), data, lines)
+
+
+def _walk(
+    node: yaml.Node, path: tuple[Key, ...], lines: dict[tuple[Key, ...], int], name: str
+) -> None:
+    """Note the line of every key and item; refuse a key that stands twice in one mapping."""
+    if isinstance(node, yaml.SequenceNode):
+        for index, item in enumerate(node.value):
+            lines.setdefault((*path, index), item.start_mark.line + 1)
+            _walk(item, (*path, index), lines, name)
+    elif isinstance(node, yaml.MappingNode):
+        seen: dict[Hashable, int] = {}
+        for key_node, value in node.value:
+            key, line = key_node.value, key_node.start_mark.line + 1
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise ConfigError(f"{name}:{line}: {dotted(path)}: a key must be a word")
+            if key in seen and key != "<<":
+                raise ConfigError(
+                    f"{name}:{line}: {dotted((*path, key))}: the key stands twice in one mapping, "
+                    f"first in line {seen[key]}; remove or rename one"
+                )
+            if key != "<<" and key_node.tag != "tag:yaml.org,2002:str":
+                raise ConfigError(
+                    f"{name}:{line}: {dotted((*path, key))}: YAML reads this key as a "
+                    f'{key_node.tag.rsplit(":", 1)[-1]}; write "{key}" in quotes'
+                )
+            seen[key] = line
+            lines[(*path, key)] = line
+            _walk(value, (*path, key), lines, name)

@@ -1,0 +1,222 @@
+"""The installed plugins, collected once and checked: an explicit, immutable, picklable object."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points, version
+from typing import Any, Generic, TypeVar
+
+from rigcal.errors import PluginError
+from rigcal.plugin.contract import SensorType
+from rigcal.plugin.hookspecs import hookimpl
+from rigcal.plugin.offer import Offer, collect
+from rigcal.targets import BUILTIN_TARGETS, TargetType
+
+GROUP = DISTRIBUTION = "rigcal"
+_CLASH = "uninstall all but one of them"
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin that works. `offers` reads ("sensor type camera", "command demo")."""
+
+    name: str
+    distribution: str
+    version: str
+    offers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BrokenPlugin:
+    """A plugin that is left out, and why."""
+
+    name: str
+    distribution: str
+    version: str
+    error: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        label = _label(self.distribution, self.version)
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"plugin '{self.name}' of {label} is left out: {self.error}{remedy}"
+
+
+@dataclass(frozen=True)
+class _Installed:
+    name: str
+    distribution: str
+    version: str
+    load: Callable[[], object]
+
+
+class _Builtin:
+    """What core itself offers comes through the same door."""
+
+    @hookimpl
+    def rigcal_target_types(self) -> tuple[TargetType, ...]:
+        return BUILTIN_TARGETS
+
+
+class _Table(Generic[_T]):
+    """Named offers of one kind; a name that two plugins offer belongs to neither."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self.entries: dict[str, _T] = {}
+        self.owners: dict[str, list[str]] = {}
+
+    def add(self, name: str, value: _T, owner: str) -> str | None:
+        """The complaint if the name is taken."""
+        owners = self.owners.setdefault(name, [])
+        owners.append(owner)
+        if len(owners) == 1:
+            self.entries[name] = value
+            return None
+        self.entries.pop(name, None)
+        return self.conflict(name)
+
+    def conflict(self, name: str) -> str | None:
+        owners = self.owners.get(name, [])
+        if len(owners) < 2:
+            return None
+        return f"{self.kind} '{name}' is offered by {' and by '.join(owners)}"
+
+
+class Registry:
+    """Sensor types, target types and commands of the installed plugins.
+
+    `Registry(plugins)` takes modules or objects with hooks and raises PluginError if one is
+    wrong. `Registry.from_entry_points()` takes what is installed; a plugin that is wrong is left
+    out, listed in `broken`, and named when something is asked for that it may have offered.
+    Core's own target types are always there. Threads and processes may share it.
+    """
+
+    def __init__(self, plugins: Iterable[object] = ()) -> None:
+        self._collect([_given(plugin) for plugin in plugins])
+        if self._broken:
+            raise PluginError("\n".join(map(str, self._broken)))
+
+    @classmethod
+    def from_entry_points(cls) -> Registry:
+        """Everything installed in entry point group `rigcal`; never raises for a bad plugin."""
+        registry = cls.__new__(cls)
+        found = sorted(entry_points(group=GROUP), key=lambda e: (e.name, _owner_of(e)))
+        registry._collect([_installed(entry) for entry in found])
+        return registry
+
+    def _collect(self, installed: list[_Installed]) -> None:
+        self._sensors: _Table[SensorType] = _Table("sensor type")
+        self._targets: _Table[TargetType] = _Table("target type")
+        self._commands: _Table[Callable[..., Any]] = _Table("command")
+        self._plugins: list[Plugin] = []
+        self._broken: list[BrokenPlugin] = []
+        builtin = _Installed("built in", DISTRIBUTION, version(DISTRIBUTION), _Builtin)
+        for one in [builtin, *installed]:
+            # A plugin may fail in any way, sys.exit included: what does not use it goes on.
+            try:
+                offer = collect(one.load())
+            except PluginError as error:
+                self._leave_out(one, str(error))
+            except (Exception, SystemExit) as error:
+                self._leave_out(one, f"importing it failed with {type(error).__name__}: {error}")
+            else:
+                self._take(one, offer)
+
+    def _leave_out(self, one: _Installed, error: str, remedy: str = "") -> None:
+        if not remedy and one.distribution:
+            remedy = f"mend it or remove it: pip uninstall {one.distribution}"
+        self._broken.append(BrokenPlugin(one.name, one.distribution, one.version, error, remedy))
+
+    def _take(self, one: _Installed, offer: Offer) -> None:
+        owner = f"'{one.name}' of {_label(one.distribution, one.version)}"
+        complaints = [self._sensors.add(s.name, s, owner) for s in offer.sensor_types]
+        complaints += [self._targets.add(t.name, t, owner) for t in offer.target_types]
+        complaints += [self._commands.add(name, run, owner) for name, run in offer.commands]
+        offers = (
+            *(f"sensor type {s.name}" for s in offer.sensor_types),
+            *(f"target type {t.name}" for t in offer.target_types),
+            *(f"command {name}" for name, _ in offer.commands),
+        )
+        self._plugins.append(Plugin(one.name, one.distribution, one.version, offers))
+        for complaint in filter(None, complaints):
+            self._leave_out(one, complaint, _CLASH)
+
+    @property
+    def sensor_types(self) -> Mapping[str, SensorType]:
+        """By name."""
+        return dict(self._sensors.entries)
+
+    @property
+    def target_types(self) -> Mapping[str, TargetType]:
+        """By name."""
+        return dict(self._targets.entries)
+
+    @property
+    def commands(self) -> Mapping[str, Callable[..., Any]]:
+        """Functions with typer annotations, by the command's name."""
+        return dict(self._commands.entries)
+
+    @property
+    def plugins(self) -> tuple[Plugin, ...]:
+        """The plugins that work, core's own part first."""
+        return tuple(self._plugins)
+
+    @property
+    def broken(self) -> tuple[BrokenPlugin, ...]:
+        """The plugins that are left out, or whose names clash with another's."""
+        return tuple(self._broken)
+
+    def sensor_type(self, name: str) -> SensorType:
+        """The sensor type of that name; PluginError with what is installed and the nearest name."""
+        return self._get(self._sensors, name)
+
+    def target_type(self, name: str) -> TargetType:
+        """The target type of that name; PluginError with what is installed and the nearest name."""
+        return self._get(self._targets, name)
+
+    def _get(self, table: _Table[_T], name: str) -> _T:
+        if name in table.entries:
+            return table.entries[name]
+        if conflict := table.conflict(name):
+            raise PluginError(f"{conflict}; {_CLASH}")
+        nearest = difflib.get_close_matches(str(name), table.entries, 1)
+        guess = f", did you mean '{nearest[0]}'?" if nearest else ""
+        known = ", ".join(sorted(table.entries)) or "none"
+        suspects = self._suspects(str(name))
+        raise PluginError(
+            "; ".join([f"no {table.kind} '{name}'{guess} (known: {known})", *suspects])
+        )
+
+    def _suspects(self, name: str) -> list[str]:
+        """Broken plugins that may have offered a name: in full those that are called like it."""
+        likely = [b for b in self._broken if name in f"{b.name} {b.distribution}"]
+        others = [b for b in self._broken if b not in likely]
+        texts = [str(broken) for broken in likely]
+        if others and not likely:
+            names = ", ".join(sorted({b.distribution or b.name for b in others}))
+            texts.append(f"a broken plugin may have offered it: {names} (see `rigcal plugins`)")
+        return texts
+
+
+def _given(plugin: object) -> _Installed:
+    name = getattr(plugin, "__name__", type(plugin).__name__)
+    return _Installed(str(name), "", "", lambda: plugin)
+
+
+def _installed(entry: EntryPoint) -> _Installed:
+    dist = entry.dist
+    return _Installed(
+        entry.name, dist.name if dist else "", dist.version if dist else "", entry.load
+    )
+
+
+def _owner_of(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else ""
+
+
+def _label(distribution: str, version: str) -> str:
+    return f"{distribution} {version}".strip() or "this program"

@@ -1,0 +1,208 @@
+"""The rig: sensors, targets and how their data belong together, as rig.yaml says it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+from rigcal.document import Document, Problems, describe, read_document
+from rigcal.errors import ConfigError, PluginError
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.plugin.contract import SensorConfig
+from rigcal.plugin.registry import Registry
+from rigcal.targets.target import Target, TargetConfig
+from rigcal.validation import nearest_of
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_C = TypeVar("_C", bound=BaseModel)
+Association = Literal["nearest", "same_index"]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A validated rig: `root` is one of `sensors`; every sensor looks at one of `targets`.
+
+    `association` says what makes an exposure: stamps within `tolerance_s` of each other
+    ("nearest"), or equal positions in each sensor's stream ("same_index").
+    """
+
+    name: str
+    root: str
+    targets: Mapping[str, TargetConfig]
+    sensors: Mapping[str, SensorConfig]
+    association: Association = "nearest"
+    tolerance_s: float = 0.05
+    version: int = 1
+
+    def target_of(self, sensor: str) -> str:
+        """Name of the target that a sensor looks at."""
+        return self.sensors[sensor].target or next(iter(self.targets))
+
+
+class _RigFile(BaseModel):
+    """What rig.yaml holds; the sensors and targets are validated by their types."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, title="rigcal rig")
+
+    version: Literal[1] = Field(description="version of this file format")
+    name: str = Field(default="rig", description="what the rig is called in reports")
+    root: str = Field(description="sensor that the tree of transforms hangs from")
+    targets: dict[str, Any] = Field(min_length=1, description="the boards, by name")
+    sensors: dict[str, Any] = Field(min_length=1, description="the sensors, by name")
+    association: Association = Field(
+        default="nearest",
+        description="an exposure is: stamps within tolerance_s, or equal positions in the streams",
+    )
+    tolerance_s: float = Field(default=0.05, gt=0, allow_inf_nan=False)
+
+
+def load_rig(path: Path | str, registry: Registry) -> Rig:
+    """The rig in a YAML file; ConfigError with file, line and key for all that is wrong in it."""
+    return _parse(read_document(path, "a rig"), registry)
+
+
+def parse_rig(mapping: Mapping[str, Any], registry: Registry) -> Rig:
+    """The rig in a mapping laid out like rig.yaml; ConfigError for all that is wrong in it."""
+    return _parse(Document("rig", dict(mapping)), registry)
+
+
+def rig_schema(registry: Registry) -> dict[str, Any]:
+    """JSON Schema of rig.yaml for the types in the registry."""
+    members: dict[str, Any] = {
+        "sensors": _union([s.config for s in registry.sensor_types.values()], SensorConfig),
+        "targets": _union([t.config for t in registry.target_types.values()], TargetConfig),
+    }
+    fields: dict[str, Any] = {
+        key: (dict.__class_getitem__((str, union)), _RigFile.model_fields[key])
+        for key, union in members.items()
+    }
+    model = create_model("RigFile", __base__=_RigFile, **fields)
+    schema = model.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def build_targets(rig: Rig, registry: Registry) -> dict[str, Target]:
+    """The rig's targets by name; ConfigError for dimensions that do not make a board."""
+    built = {}
+    for name, config in rig.targets.items():
+        try:
+            built[name] = registry.target_type(config.type).build(name, config)
+        except ValueError as error:
+            raise ConfigError(f"targets.{name}: {error}") from error
+    return built
+
+
+def T_root_sensors(rig: Rig) -> dict[str, Array]:
+    """`T_root_s` (4, 4) of every sensor, composed from the `pose` entries of the rig.
+
+    ConfigError names the sensors whose poses do not connect them to the root.
+    """
+    root_top, T_top_root = _to_top(rig, rig.root)
+    result, loose = {}, []
+    for name in rig.sensors:
+        top, T_top_s = _to_top(rig, name)
+        if top != root_top:
+            loose.append(name)
+        result[name] = se3.inverse(T_top_root) @ T_top_s
+    if loose:
+        raise ConfigError(
+            f"no pose connects {', '.join(loose)} to the root '{rig.root}': "
+            f"add `pose: {{parent: {rig.root}, translation_m: [...], rpy_deg: [...]}}`"
+        )
+    return result
+
+
+def _to_top(rig: Rig, name: str) -> tuple[str, Array]:
+    """The first ancestor without a pose, and `T_top_s`."""
+    T = np.eye(4)
+    while (pose := rig.sensors[name].pose) is not None:
+        T = pose.T_parent_sensor @ T
+        name = pose.parent
+    return name, T
+
+
+def _parse(document: Document, registry: Registry) -> Rig:
+    problems = Problems(document)
+    header = problems.validate(_RigFile, document.data)
+    targets = _members(problems, "targets", lambda kind: registry.target_type(kind).config)
+    sensors = _members(problems, "sensors", lambda kind: registry.sensor_type(kind).config)
+    _check_names(problems, sensors, targets)
+    _check_poses(problems, sensors)
+    problems.raise_if_any()
+    assert header is not None  # it is None only with a problem noted
+    values = {name: getattr(header, name) for name in _RigFile.model_fields}
+    return Rig(**values | {"targets": targets, "sensors": sensors})
+
+
+def _members(
+    problems: Problems, section: str, config_of: Callable[[str], type[_C]]
+) -> dict[str, _C]:
+    """The valid entries of a section; what is wrong with the others is noted."""
+    entries = problems.document.data.get(section)
+    members = {}
+    for name, data in entries.items() if isinstance(entries, dict) else ():
+        path = (section, name)
+        if not _NAME.fullmatch(str(name)):
+            problems.add(path, f"name {name!r}: use letters, digits, '_', '.' and '-'")
+        elif not isinstance(data, dict):
+            problems.add(path, f"found {describe(data)}, expected a mapping with a `type`")
+        elif not isinstance(data.get("type"), str):
+            problems.add(path, "key 'type' is missing, expected the name of an installed type")
+        else:
+            try:
+                config = problems.validate(config_of(data["type"]), data, path)
+            except PluginError as error:
+                problems.add((*path, "type"), str(error))
+            else:
+                members.update({name: config} if config is not None else {})
+    return members
+
+
+def _check_names(
+    problems: Problems, sensors: Mapping[str, SensorConfig], targets: Mapping[str, TargetConfig]
+) -> None:
+    """References by name: the root, and the target of each sensor."""
+    data = problems.document.data
+    named = {key: list(data[key]) if isinstance(data.get(key), dict) else [] for key in data}
+    root, known = data.get("root"), named.get("sensors", [])
+    if isinstance(root, str) and known and root not in known:
+        problems.add(("root",), f"no sensor '{root}'{nearest_of(root, known)}")
+    known = named.get("targets", [])
+    for name, sensor in sensors.items():
+        path = ("sensors", name)
+        if sensor.target is None and len(known) > 1:
+            problems.add(path, f"add `target: NAME`, one of several ({', '.join(known)})")
+        elif sensor.target is not None and sensor.target not in known:
+            found = f"no target '{sensor.target}'{nearest_of(sensor.target, known)}"
+            problems.add((*path, "target"), found)
+
+
+def _check_poses(problems: Problems, sensors: Mapping[str, SensorConfig]) -> None:
+    """Every parent is another sensor, and no chain of parents comes back to itself."""
+    known = list(problems.document.data.get("sensors") or ())
+    parents = {name: s.pose.parent for name, s in sensors.items() if s.pose is not None}
+    for name, parent in parents.items():
+        path = ("sensors", name, "pose", "parent")
+        if parent not in known:
+            problems.add(path, f"no sensor '{parent}'{nearest_of(parent, known)}")
+        chain = [name]
+        while chain[-1] in parents and parents[chain[-1]] not in chain:
+            chain.append(parents[chain[-1]])
+        if parents.get(chain[-1]) == name == min(chain):
+            problems.add(path, f"the poses go in a circle: {' -> '.join([*chain, name])}")
+
+
+def _union(configs: list[type[_C]], base: type[_C]) -> Any:
+    if not configs:
+        return base
+    union = reduce(or_, configs)
+    return Annotated[union, Field(discriminator="type")] if len(configs) > 1 else union

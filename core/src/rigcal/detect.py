@@ -1,0 +1,170 @@
+"""Recording -> observations: every frame through its sensor's detector, in parallel processes."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigcal.errors import RecordingError
+from rigcal.exposures import FrameStamp, exposure_names
+from rigcal.observation import Detection, Observation
+from rigcal.plugin.contract import SensorConfig, SensorType
+from rigcal.plugin.registry import Registry
+from rigcal.recording import open_recording
+from rigcal.rig import Rig, build_targets
+from rigcal.targets.target import Target
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+_FRAMES_PER_TASK = 8
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    recording: Path
+    sensor: str
+    config: SensorConfig
+    kind: SensorType
+    target: Target
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class _DetectedFrame:
+    stamp: FrameStamp
+    origin: str
+    detection: Detection
+    unreadable: bool = False
+
+
+def detect(
+    rig: Rig,
+    registry: Registry,
+    recording: Path | str,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> tuple[Observation, ...]:
+    """Observations of all sensors in a recording, by exposure and sensor; also those of frames in
+    which the target was not found, which say why.
+
+    `jobs` processes share the frames (default: one per core; 1 stays in this process). The result
+    does not depend on it. RecordingError when a source is missing, or when no frame of a sensor
+    can be read.
+    """
+    recording = Path(recording)
+    tasks = _tasks(rig, registry, recording)
+    total = sum(t.stop - t.first for t in tasks)
+    tell = progress or (lambda *_: None)
+    tell("detecting the target", 0, total)
+    frames: list[_DetectedFrame] = []
+    for part in _run(tasks, jobs or os.cpu_count() or 1):
+        frames.extend(part)
+        tell("detecting the target", len(frames), total)
+    _check_readable(frames)
+    order = {s: i for i, s in enumerate(rig.sensors)}
+    frames.sort(key=lambda f: (order[f.stamp.sensor], f.stamp.index))
+    return _observations(rig, frames)
+
+
+def _tasks(rig: Rig, registry: Registry, recording: Path) -> list[_Task]:
+    targets = build_targets(rig, registry)
+    tasks = []
+    with open_recording(recording) as opened:
+        for name, config in rig.sensors.items():
+            kind, target = registry.sensor_type(config.type), targets[rig.target_of(name)]
+            try:
+                count = opened.count(config.source)
+            except RecordingError as error:
+                raise RecordingError(f"sensor '{name}': {error}") from error
+            for first in range(0, count, _FRAMES_PER_TASK):
+                stop = min(first + _FRAMES_PER_TASK, count)
+                tasks.append(_Task(recording, name, config, kind, target, first, stop))
+    return tasks
+
+
+def _run(tasks: Sequence[_Task], jobs: int) -> Iterable[list[_DetectedFrame]]:
+    """Results of the tasks, in any order."""
+    if jobs == 1 or len(tasks) < 2:
+        return map(_detect_frames, tasks)
+    from joblib import Parallel, delayed
+
+    parallel = Parallel(n_jobs=min(jobs, len(tasks)), return_as="generator_unordered")
+    results: Iterable[list[_DetectedFrame]] = parallel(delayed(_detect_frames)(t) for t in tasks)
+    return results
+
+
+def _detect_frames(task: _Task) -> list[_DetectedFrame]:
+    """One slice of one sensor's stream (runs in a worker process)."""
+    frames = []
+    with open_recording(task.recording) as recording:
+        messages = recording.read(task.config.source, task.first, task.stop)
+        for index, message in enumerate(messages, start=task.first):
+            stamp = FrameStamp(task.sensor, message.stamp_ns, message.exposure, index)
+            if message.type not in task.kind.message_types:
+                expected = ", ".join(task.kind.message_types)
+                raise RecordingError(
+                    f"sensor '{task.sensor}': {message.origin} is a {message.type}; sensor type "
+                    f"'{task.kind.name}' reads {expected}: check the sensor's topic or files"
+                )
+            try:
+                frame = task.kind.decode(message, task.config)
+            except RecordingError as error:
+                lost = Detection((), f"unreadable: {error}")
+                frames.append(_DetectedFrame(stamp, message.origin, lost, unreadable=True))
+                continue
+            detection = _detect(task, frame)
+            frames.append(_DetectedFrame(stamp, message.origin, detection))
+    return frames
+
+
+def _detect(task: _Task, frame: object) -> Detection:
+    """The detector's answer; one that raises loses its frame, not the run."""
+    try:
+        return task.kind.detect(frame, task.config, task.target)
+    except Exception as error:
+        _log.debug("detector of %s raised", task.sensor, exc_info=True)
+        return Detection((), f"the detector failed: {type(error).__name__}: {error}")
+
+
+def _check_readable(frames: Sequence[_DetectedFrame]) -> None:
+    by_sensor: dict[str, list[_DetectedFrame]] = {}
+    for frame in frames:
+        by_sensor.setdefault(frame.stamp.sensor, []).append(frame)
+    for sensor, own in by_sensor.items():
+        if all(f.unreadable for f in own):
+            reason = own[0].detection.reason.removeprefix("unreadable: ")
+            raise RecordingError(
+                f"sensor '{sensor}': none of {len(own)} frames is usable: {reason}"
+            )
+
+
+def _observations(rig: Rig, frames: Sequence[_DetectedFrame]) -> tuple[Observation, ...]:
+    names = exposure_names([f.stamp for f in frames], rig.association, rig.tolerance_s)
+    result = []
+    for frame, name in zip(frames, names, strict=True):
+        candidates, reason = frame.detection.candidates, frame.detection.reason
+        if name is None:
+            candidates = ()
+            reason = "another frame of this sensor is nearer to the middle of the exposure"
+        exposure = name if name is not None else f"stamp {frame.stamp.stamp_ns}"
+        s = frame.stamp
+        result.append(Observation(s.sensor, exposure, s.stamp_ns, frame.origin, candidates, reason))
+    return tuple(result)
+
+
+def by_exposure(observations: Sequence[Observation]) -> dict[str, dict[str, Observation]]:
+    """Observations by exposure (in natural order) and sensor."""
+    result: dict[str, dict[str, Observation]] = {}
+    for o in sorted(observations, key=lambda o: _natural(o.exposure)):
+        result.setdefault(o.exposure, {})[o.sensor] = o
+    return result
+
+
+def _natural(name: str) -> tuple[int, int, str]:
+    return (0, int(name), name) if name.isdecimal() else (1, 0, name)

@@ -1,0 +1,95 @@
+"""The joint formulation: maximum likelihood over sensors and target poses, solved by GTSAM."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rigcal.errors import NotConvergedError
+from rigcal.geometry.se3 import Array
+from rigcal.graph.edge import SensorTargetEdge, huber_weights
+
+HUBER_K = 1.5
+# Wide enough to leave what the data know alone, and to close what they leave open in an exposure
+# that shows only planes: the target's place and turn in its own plane.
+_OPEN_TARGET_SIGMAS = np.array([3.0, 3.0, 3.0, 10.0, 10.0, 10.0])
+_MOST_ITERATIONS = 100
+
+
+def solve(
+    edges: Sequence[SensorTargetEdge],
+    sensors: Mapping[str, Array],
+    targets: Mapping[str, Array],
+    fixed: frozenset[str],
+    *,
+    robust: bool,
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Sensor poses `T_root_s` and target poses `T_root_t` that minimise the sum of squares.
+
+    `sensors` and `targets` hold first poses (4, 4); those named in `fixed` (the root among them)
+    stay as they are. One factor per edge, evaluated as one numpy call; `robust` gives each block
+    of an edge Huber's weight. NotConvergedError if the minimum was not reached.
+    """
+    import gtsam
+
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    sensor_keys = {s: gtsam.symbol("s", i) for i, s in enumerate(sensors) if s not in fixed}
+    target_keys = {k: gtsam.symbol("t", i) for i, k in enumerate(targets)}
+    for name, key in sensor_keys.items():
+        values.insert(key, gtsam.Pose3(sensors[name]))
+    weak = gtsam.noiseModel.Diagonal.Sigmas(_OPEN_TARGET_SIGMAS)
+    for exposure, key in target_keys.items():
+        values.insert(key, gtsam.Pose3(targets[exposure]))
+        graph.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(targets[exposure]), weak))
+    for edge in edges:
+        keys = [target_keys[edge.exposure]]
+        if edge.sensor in sensor_keys:
+            keys.insert(0, sensor_keys[edge.sensor])
+        noise = gtsam.noiseModel.Unit.Create(edge.rows)
+        error = _error_function(edge, sensors[edge.sensor], robust)
+        graph.add(gtsam.CustomFactor(noise, keys, error))
+    values = _optimise(gtsam, graph, values)
+    return (
+        {
+            s: values.atPose3(sensor_keys[s]).matrix() if s in sensor_keys else T
+            for s, T in sensors.items()
+        },
+        {k: values.atPose3(key).matrix() for k, key in target_keys.items()},
+    )
+
+
+def _error_function(
+    edge: SensorTargetEdge, T_root_s_fixed: Array, robust: bool
+) -> Callable[[Any, Any, Any], Array]:
+    def error(factor: Any, values: Any, jacobians: Any) -> Array:
+        keys = factor.keys()
+        free = len(keys) == 2
+        T_root_s = values.atPose3(keys[0]).matrix() if free else T_root_s_fixed
+        r, J_s, J_t = edge.evaluate(T_root_s, values.atPose3(keys[-1]).matrix())
+        if robust:
+            w = huber_weights(r, edge.residual.block, HUBER_K)
+            r, J_s, J_t = w * r, w[:, None] * J_s, w[:, None] * J_t
+        if jacobians is not None:
+            if free:
+                jacobians[0] = np.asfortranarray(J_s)
+            jacobians[-1] = np.asfortranarray(J_t)
+        return r
+
+    return error
+
+
+def _optimise(gtsam: Any, graph: Any, values: Any) -> Any:
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setMaxIterations(_MOST_ITERATIONS)
+    parameters.setRelativeErrorTol(1e-9)
+    parameters.setAbsoluteErrorTol(1e-9)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
+    result = optimizer.optimize()
+    if not np.isfinite(optimizer.error()) or optimizer.iterations() >= _MOST_ITERATIONS:
+        raise NotConvergedError(
+            f"the global estimate did not converge in {optimizer.iterations()} iterations (error "
+            f"{optimizer.error():.4g}); check the sensors' intrinsics and the target's size"
+        )
+    return result

@@ -1,0 +1,184 @@
+"""From chosen candidates to the final estimate: robust stage, noise scale, chi-square inliers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigcal.geometry.se3 import Array
+from rigcal.graph import joint
+from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.information import EdgeFit, Information, information
+
+# A true observation falls outside with this probability.
+_SIGNIFICANCE = 1e-4
+_BLOCK_SIGMAS = 5.0
+_MOST_ROUNDS = 6
+# Below so many redundant rows a sensor's noise cannot be told from its configured value.
+_ENOUGH_ROWS = 20.0
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Poses in the root, the edges that count and their statistics; reasons for those dropped.
+
+    `scales` is the estimated over the configured noise per sensor.
+    """
+
+    sensors: Mapping[str, Array]
+    targets: Mapping[str, Array]
+    edges: tuple[SensorTargetEdge, ...]
+    information: Information
+    dropped: Mapping[tuple[str, str], str]
+    scales: Mapping[str, float]
+
+
+def estimate(
+    edges: Sequence[SensorTargetEdge],
+    sensors: Mapping[str, Array],
+    targets: Mapping[str, Array],
+    fixed: frozenset[str],
+    progress: Progress | None = None,
+) -> Solution:
+    """Maximum likelihood on the inliers.
+
+    A robust stage (Huber) first; then rounds of: the noise of every sensor from its residuals,
+    a chi-square test of every edge and block, a solution on what remains, until that stays the
+    same. NotConvergedError if a solution is not reached.
+    """
+    tell = progress or (lambda *_: None)
+    tell("global estimate", 0, _MOST_ROUNDS + 1)
+    poses, boards = joint.solve(edges, sensors, targets, fixed, robust=True)
+    info = information(edges, poses, boards, fixed)
+    alive, dropped, scales = list(edges), dict[tuple[str, str], str](), _scales(info.fits, {})
+    for round_ in range(_MOST_ROUNDS):
+        tell("global estimate", round_ + 1, _MOST_ROUNDS + 1)
+        before = _signature(alive)
+        alive, dropped = _inliers(edges, alive, poses, boards, fixed, scales)
+        used = {e.exposure for e in alive}
+        boards = {k: T for k, T in boards.items() if k in used}
+        edges = [e for e in edges if e.exposure in used]
+        poses, boards = joint.solve(alive, poses, boards, fixed, robust=False)
+        info = information(alive, poses, boards, fixed)
+        scales = _scales(info.fits, scales)
+        settled = all(abs(scales[e.sensor] / e.scale - 1) < 0.01 for e in alive)
+        if _signature(alive) == before and settled:
+            break
+    tell("global estimate", _MOST_ROUNDS + 1, _MOST_ROUNDS + 1)
+    return Solution(poses, boards, tuple(alive), info, dropped, scales)
+
+
+def _signature(edges: Sequence[SensorTargetEdge]) -> set[tuple[str, str, bytes]]:
+    return {
+        (e.sensor, e.exposure, b"" if e.keep is None or e.keep.all() else e.keep.tobytes())
+        for e in edges
+    }
+
+
+def _scales(fits: Sequence[EdgeFit], before: Mapping[str, float]) -> dict[str, float]:
+    """Noise over configured noise, per sensor.
+
+    Each edge's residual splits into what its own freedom cannot explain (the scatter of pixels or
+    beams) and its disagreement with the other sensors. Both have the same scale when the noise is
+    as modelled. Where they disagree more than they scatter (lens models, biased ranges, motion)
+    the larger counts: it is what the estimate rests on. Robust when `before` is empty.
+    """
+    result = dict(before)
+    for sensor in {f.edge.sensor for f in fits}:
+        own = [f for f in fits if f.edge.sensor == sensor]
+        square = np.array([f.edge.scale**2 for f in own])
+        inner = square * [f.chi2 - f.misfit for f in own]
+        outer = square * [f.misfit for f in own]
+        inner_dof = np.array([float(f.edge.rows - f.misfit_dof) for f in own])
+        outer_dof = np.array([max(f.misfit_dof - f.leverage, 0.0) for f in own])
+        estimator = _mean_scale if before else _median_scale
+        result[sensor] = _larger_scale(estimator, inner, inner_dof, outer, outer_dof)
+    return result
+
+
+def _larger_scale(
+    estimator: Callable[[Array, Array], float],
+    inner: Array,
+    inner_dof: Array,
+    outer: Array,
+    outer_dof: Array,
+) -> float:
+    """The pooled scale, or that of the disagreement where an F-test says that it is larger."""
+    from scipy.stats import f as law
+
+    if inner_dof.sum() + outer_dof.sum() < _ENOUGH_ROWS:
+        return 1.0
+    if outer_dof.sum() < _ENOUGH_ROWS:
+        return max(estimator(inner, inner_dof), 1e-3)
+    if inner_dof.sum() < _ENOUGH_ROWS:
+        return max(estimator(outer, outer_dof), 1e-3)
+    ratio = (estimator(outer, outer_dof) / max(estimator(inner, inner_dof), 1e-3)) ** 2
+    if ratio > law.isf(1e-3, outer_dof.sum(), inner_dof.sum()):
+        return max(estimator(outer, outer_dof), 1e-3)
+    pooled = (inner.sum() + outer.sum()) / (inner_dof.sum() + outer_dof.sum())
+    return max(float(np.sqrt(pooled)), 1e-3)
+
+
+def _mean_scale(chi2: Array, dof: Array) -> float:
+    return float(np.sqrt(chi2.sum() / dof.sum()))
+
+
+def _median_scale(chi2: Array, dof: Array) -> float:
+    """The scale at which half of the edges lie below the median of their chi-square law."""
+    from scipy.stats import chi2 as law
+
+    enough = dof > min(0.3, float(np.median(dof)))
+    return float(np.sqrt(np.median(chi2[enough] / law.median(dof[enough]))))
+
+
+def _inliers(
+    edges: Sequence[SensorTargetEdge],
+    alive: Sequence[SensorTargetEdge],
+    sensors: Mapping[str, Array],
+    targets: Mapping[str, Array],
+    fixed: frozenset[str],
+    scales: Mapping[str, float],
+) -> tuple[list[SensorTargetEdge], dict[tuple[str, str], str]]:
+    """The edges that pass, with their outlier blocks masked, and why the others do not.
+
+    All edges are judged again at the present solution, so that a good one can come back.
+    """
+    from scipy.stats import chi2 as law
+
+    masked = [_mask(replace(e, scale=scales[e.sensor]), sensors, targets) for e in edges]
+    kept, dropped = [], {}
+    for fit in information(masked, sensors, targets, fixed).fits:
+        edge, name = fit.edge, (fit.edge.sensor, fit.edge.exposure)
+        blocks = 1.0 if edge.keep is None else float(edge.keep.mean())
+        limit = float(law.isf(_SIGNIFICANCE, max(fit.misfit_dof, 1)))
+        if blocks < 0.5:
+            dropped[name] = f"{100 * (1 - blocks):.0f} % of its measurements are outliers"
+        elif fit.misfit > limit:
+            dropped[name] = (
+                "disagrees with the other sensors: chi-square "
+                f"{fit.misfit:.1f} > {limit:.1f} ({fit.misfit_dof} degrees of freedom)"
+            )
+        else:
+            kept.append(edge)
+    exposures = [e.exposure for e in kept]
+    for edge in [e for e in kept if exposures.count(e.exposure) < 2]:
+        dropped[edge.sensor, edge.exposure] = "no other sensor's data is left in this exposure"
+        kept.remove(edge)
+    return kept, dropped
+
+
+def _mask(
+    edge: SensorTargetEdge, sensors: Mapping[str, Array], targets: Mapping[str, Array]
+) -> SensorTargetEdge:
+    """Masks blocks beyond `_BLOCK_SIGMAS` in an edge of many; one of few stands or falls whole."""
+    block = edge.residual.block
+    if edge.residual.dof < 4 * block:
+        return edge
+    r, _, _ = replace(edge, keep=None).evaluate(sensors[edge.sensor], targets[edge.exposure])
+    size = np.linalg.norm(r.reshape(-1, block), axis=1) / np.sqrt(block)
+    keep: NDArray[np.bool_] = size < _BLOCK_SIGMAS
+    return replace(edge, keep=None if keep.all() else keep)

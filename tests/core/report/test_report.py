@@ -1,0 +1,212 @@
+"""The HTML report, as a user reads it."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.geometry import se3
+from rigcal.observation import Candidate, Detection, Observation, PointGeometry
+from rigcal.plugin import SensorConfig, SensorType, hookimpl
+from rigcal.plugin.registry import Registry
+from rigcal.report import write_report
+from rigcal.report.html import render
+from rigcal.report.tables import natural_order, rpy_from_rotation
+from rigcal.rig import Rig, parse_rig
+
+
+class BeaconConfig(SensorConfig, frozen=True):
+    type: Literal["beacon"] = "beacon"
+
+
+class BeaconPlugin:
+    @hookimpl
+    def rigcal_sensor_types(self) -> list[SensorType]:
+        def detect(frame: Any, config: Any, target: Any) -> Detection:
+            return Detection((), reason="never asked here")
+
+        return [SensorType("beacon", BeaconConfig, (".csv",), lambda m, c: m, detect)]
+
+
+Case = tuple[Calibration, list[Observation], Rig, Registry]
+
+
+def candidate() -> Candidate:
+    return Candidate(PointGeometry(np.zeros(3), np.eye(3), np.zeros(3)), {})
+
+
+def make_case(names: list[str], exposures: int, reason: str = "3 boards alike") -> Case:
+    """A rig where sensor 1 is not used in exposure pose2 and finds nothing in pose3."""
+    registry = Registry([BeaconPlugin()])
+    board = {"type": "checkerboard", "columns": 5, "rows": 7, "square_size_m": 0.1}
+    sensors = {name: {"type": "beacon", "files": f"{name}*.csv"} for name in names}
+    rig = parse_rig(
+        {"version": 1, "name": "cart", "root": names[0], "targets": {"b": board}}
+        | {"sensors": sensors},
+        registry,
+    )
+    rng = np.random.default_rng(0)
+    results = {names[0]: SensorResult(names[0], np.eye(4))}
+    for name in names[1:]:
+        T = se3.transform(
+            se3.rotation_from_rpy(np.radians([10, 20, 30])), np.array([0.5, -0.25, 1])
+        )
+        covariance = np.diag(np.array([1, 2, 3, 4, 5, 6]) * 1e-3) ** 2
+        residual = ResidualStatistics("m", 0.0125, 400)
+        results[name] = SensorResult(names[0], T, covariance, exposures - 1, 3, residual, 1.25)
+    keys = [f"pose{i}" for i in range(exposures)]
+    poses = {k: se3.exp(rng.normal(size=6)) for k in keys}
+    observations = [
+        Observation(name, key, 0, f"{name}_{key}.csv", (candidate(),))
+        for name in names
+        for key in keys
+    ]
+    if exposures > 3:
+        at = exposures + 3
+        lost = observations[at]
+        assert (lost.sensor, lost.exposure) == (names[1], "pose3")
+        observations[at] = Observation(
+            lost.sensor, "pose3", 0, lost.origin, (), "too dark: 4 of 255"
+        )
+    rejected = (Rejection(names[1], "pose2", "b_pose2.csv", reason),)
+    provenance = {"seed": 0, "versions": {"rigcal": "0.1.0"}}
+    warnings = ("sensor b: few exposures",)
+    calibration = Calibration(names[0], results, poses, rejected, warnings, provenance)
+    return calibration, observations, rig, registry
+
+
+class Cells(HTMLParser):
+    """Rows of table cells by their text, and every tag with its attributes."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self._open = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+            self._open = True
+
+    def handle_endtag(self, tag: str) -> None:
+        self._open = self._open and tag not in ("td", "th")
+
+    def handle_data(self, data: str) -> None:
+        if self._open:
+            self.rows[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return make_case(["a", "b"], 5)
+
+
+@pytest.fixture(scope="module")
+def text(case: Case) -> str:
+    return render(*case)
+
+
+def test_transforms_are_in_mm_and_deg_with_their_sigmas(text: str) -> None:
+    expected = ["b", "a", "500.00", "-250.00", "1000.00", "10.0000", "20.0000", "30.0000"]
+    expected += ["4", "5", "6", "0.057", "0.11", "0.17"]
+    assert expected in Cells(text).rows
+
+
+def test_the_first_sentence_says_how_good_it_is(text: str) -> None:
+    assert "2 sensors placed in the frame of a from 5 exposures" in text
+    assert "least certain is b, to 6 mm and 0.17 deg (1 sigma)" in text
+
+
+def test_fit_is_in_millimetres(text: str) -> None:
+    assert ["b", "4", "3", "12.5 mm", "400", "1.25"] in Cells(text).rows
+
+
+def test_what_was_not_used_is_named_with_its_reason(text: str) -> None:
+    rows = Cells(text).rows
+    assert ["b", "pose2", "b_pose2.csv", "3 boards alike"] in rows
+    assert ["b", "pose3", "b_pose3.csv", "too dark: 4 of 255"] in rows
+    marks = {row[0]: row[1:] for row in rows if len(row) == 3 and row[0].startswith("pose")}
+    assert marks["pose1"] == ["●", "●"]
+    assert marks["pose2"] == ["●", "✕"]
+    assert marks["pose3"] == ["●", "○"]
+
+
+def test_warnings_and_provenance_are_shown(text: str) -> None:
+    assert "<li>sensor b: few exposures</li>" in text
+    assert ["versions.rigcal", "0.1.0"] in Cells(text).rows
+
+
+def test_text_from_the_data_is_never_markup() -> None:
+    page = render(*make_case(["a", "b"], 5, reason="<script>alert(1)</script>"))
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_the_page_loads_nothing_from_outside(text: str) -> None:
+    loading = {"script", "link", "img", "iframe", "image"}
+    for tag, attributes in Cells(text).tags:
+        assert tag not in loading
+        for name in ("src", "href", "xlink:href"):
+            assert (attributes.get(name) or "#").startswith("#")
+    assert not re.search(r"@import|url\((?!#)", text)
+
+
+def test_figures_name_every_sensor(text: str) -> None:
+    figures = re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)
+    assert len(figures) == 2
+    assert all(f">{name}</text>" in figures[0] for name in ("a", "b"))
+
+
+def test_same_calibration_gives_same_bytes(case: Case, text: str) -> None:
+    assert render(*case) == text
+
+
+def test_a_large_report_stays_under_a_megabyte(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_report(path, *make_case([f"sensor{i}" for i in range(9)], 120))
+    assert path.stat().st_size < 1_000_000
+    assert path.read_text(encoding="utf-8").endswith("</html>")
+
+
+def test_a_failed_write_leaves_what_was_there(
+    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(self: Path, target: Path) -> None:
+        raise OSError("no space left on device")
+
+    path = tmp_path / "report.html"
+    path.write_text("the old one")
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(OSError, match="no space left"):
+        write_report(path, *case)
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+    assert path.read_text() == "the old one"
+
+
+def test_a_calibration_without_estimates_can_be_shown() -> None:
+    """A truth file has neither covariances nor target poses."""
+    calibration, _, rig, registry = make_case(["a", "b"], 5)
+    bare = {n: SensorResult(s.parent, s.T_parent_sensor) for n, s in calibration.sensors.items()}
+    page = render(Calibration("a", bare), [], rig, registry)
+    assert "2 sensors placed in the frame of a." in page
+    assert page.count("<svg") == 1
+
+
+def test_exposures_are_listed_in_counting_order() -> None:
+    names = ["pose10", "pose2", "pose1", "17", "9"]
+    assert sorted(names, key=natural_order) == ["9", "17", "pose1", "pose2", "pose10"]
+
+
+@pytest.mark.parametrize("rpy", [[0.1, -0.2, 3.0], [-1.5, 1.2, -2.8], [0.0, np.pi / 2, 0.7]])
+def test_angles_give_the_rotation_back(rpy: list[float]) -> None:
+    R = se3.rotation_from_rpy(np.array(rpy))
+    np.testing.assert_allclose(se3.rotation_from_rpy(rpy_from_rotation(R)), R, atol=1e-12)

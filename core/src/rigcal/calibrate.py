@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
-from rigcal.detect import Progress, by_exposure
 from rigcal.errors import ConfigError, NotDeterminedError, ObservationError
+from rigcal.exposures import by_exposure
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.correspondence import determines
@@ -23,6 +23,7 @@ from rigcal.graph.tree import spanning_tree
 from rigcal.observation import Candidate, Observation
 from rigcal.plugin.contract import PoseConfig, Residual, SensorType
 from rigcal.plugin.registry import Registry
+from rigcal.progress import Progress
 from rigcal.residual import residual_of_geometry
 from rigcal.rig import Rig, build_targets
 from rigcal.targets.target import Target
@@ -103,7 +104,8 @@ def _by_target(rig: Rig, observations: Sequence[Observation]) -> Exposures:
     split: dict[str, dict[str, Observation]] = {}
     for name, seen in exposures.items():
         for sensor, o in seen.items():
-            split.setdefault(f"{name}/{rig.target_of(sensor)}", {})[sensor] = o
+            own = f"{name}/{rig.target_of(sensor)}"
+            split.setdefault(own, {})[sensor] = replace(o, exposure=own)
     return split
 
 
@@ -271,12 +273,9 @@ def _why_not(
         return o.reason
     if o.exposure in refused:
         return refused[o.exposure]
-    for exposure in (o.exposure, *(k for k in selections if k.startswith(f"{o.exposure}/"))):
-        if exposure in selections and o.sensor in selections[exposure].left_out:
-            return selections[exposure].left_out[o.sensor]
-        if reason := solution.dropped.get((o.sensor, exposure)):
-            return reason
-    return ""
+    if reason := selections[o.exposure].left_out.get(o.sensor):
+        return reason
+    return solution.dropped.get((o.sensor, o.exposure), "")
 
 
 def _statistics(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +13,10 @@ from rigcal.exposures import FrameStamp, exposure_names
 from rigcal.observation import Detection, Observation
 from rigcal.plugin.contract import SensorConfig, SensorType
 from rigcal.plugin.registry import Registry
+from rigcal.progress import Progress
 from rigcal.recording import open_recording
 from rigcal.rig import Rig, build_targets
 from rigcal.targets.target import Target
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and how much there is."""
 
 _FRAMES_PER_TASK = 8
 _log = logging.getLogger(__name__)
@@ -156,15 +154,3 @@ def _observations(rig: Rig, frames: Sequence[_DetectedFrame]) -> tuple[Observati
         s = frame.stamp
         result.append(Observation(s.sensor, exposure, s.stamp_ns, frame.origin, candidates, reason))
     return tuple(result)
-
-
-def by_exposure(observations: Sequence[Observation]) -> dict[str, dict[str, Observation]]:
-    """Observations by exposure (in natural order) and sensor."""
-    result: dict[str, dict[str, Observation]] = {}
-    for o in sorted(observations, key=lambda o: _natural(o.exposure)):
-        result.setdefault(o.exposure, {})[o.sensor] = o
-    return result
-
-
-def _natural(name: str) -> tuple[int, int, str]:
-    return (0, int(name), name) if name.isdecimal() else (1, 0, name)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rigcal.observation import Observation
+
 
 @dataclass(frozen=True)
 class FrameStamp:
@@ -44,3 +46,15 @@ def exposure_names(
         for i in nearest.values():
             names[stamped[i]] = f"{number:04d}"
     return names
+
+
+def by_exposure(observations: Sequence[Observation]) -> dict[str, dict[str, Observation]]:
+    """Observations by exposure (in natural order) and sensor."""
+    result: dict[str, dict[str, Observation]] = {}
+    for o in sorted(observations, key=lambda o: _natural(o.exposure)):
+        result.setdefault(o.exposure, {})[o.sensor] = o
+    return result
+
+
+def _natural(name: str) -> tuple[int, int, str]:
+    return (0, int(name), name) if name.isdecimal() else (1, 0, name)

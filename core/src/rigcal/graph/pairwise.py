@@ -58,9 +58,9 @@ def calibrate_pair(
         kinds = sorted({type(o.candidates[0].geometry).__name__ for p in pairs for o in p})
         reason = f"{' and '.join(kinds)} do not determine a transform" if pairs else "no exposure"
         return PairResult(a, b, shared, reason=reason)
-    T = _ransac(c, pairs, rng)
+    T, reason = _ransac(c, pairs, rng)
     if T is None:
-        return PairResult(a, b, shared, reason=f"no transform explains 3 of {shared} exposures")
+        return PairResult(a, b, shared, reason=reason)
     T, keep, information = _refine(c, T)
     needed = 1 if c.on_points and c.p_b.shape[1] >= 3 else 3
     if len(keep) < max(needed, 2 if shared > 1 else 1):
@@ -87,13 +87,17 @@ def _ransac(
     c: Correspondences,
     pairs: Sequence[tuple[Observation, Observation]],
     rng: np.random.Generator,
-) -> Array | None:
-    """The best of all hypotheses; stops when a better one is unlikely (Fischler, Bolles 1981)."""
+) -> tuple[Array | None, str]:
+    """The best of all hypotheses; stops when a better one is unlikely (Fischler, Bolles 1981).
+
+    Without one, says why.
+    """
     starts = np.flatnonzero(np.diff(c.exposure, prepend=-1))
     exposures = len(starts)
-    best, best_score = None, 0.0
+    best, best_score, hypotheses = None, 0.0, 0
     for batch in range(1, _MOST_BATCHES + 1):
         T = _hypotheses(c, pairs, starts, rng)
+        hypotheses += len(T)
         for part in np.array_split(T, max(1, len(T) // 100)):
             scores, each = _scores(c, part)
             if len(scores) and scores.max() > best_score:
@@ -106,7 +110,13 @@ def _ransac(
                 break
         if exposures < 3:
             break
-    return best
+    if best is not None:
+        return best, ""
+    if exposures < 3 and not hypotheses:
+        return None, f"{exposures} shared exposures are too few: 3 are the minimum, 10 are good"
+    if not hypotheses:
+        return None, "the boards are parallel, or too near to it, in every three shared exposures"
+    return None, f"no transform explains 3 of {exposures} exposures"
 
 
 def _hypotheses(

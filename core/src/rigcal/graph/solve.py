@@ -12,6 +12,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.graph import joint
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.information import EdgeFit, Information, information
+from rigcal.progress import Progress
 
 # A true observation falls outside with this probability.
 _SIGNIFICANCE = 1e-4
@@ -19,7 +20,6 @@ _BLOCK_SIGMAS = 5.0
 _MOST_ROUNDS = 6
 # Below so many redundant rows a sensor's noise cannot be told from its configured value.
 _ENOUGH_ROWS = 20.0
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,78 @@
-"""Extrinsic calibration of any mix of cameras, laser range finders and other sensors."""
+"""Extrinsic calibration of any mix of cameras, laser range finders and other sensors.
+
+Everything that the command line does is a call:
+
+    registry = rigcal.Registry.from_entry_points()
+    rig = rigcal.load_rig("rig.yaml", registry)
+    observations = rigcal.detect(rig, registry, "recording.mcap")
+    calibration = rigcal.calibrate(rig, registry, observations)
+    rigcal.save_calibration("calibration.yaml", calibration)
+
+No call prints, exits or keeps global state. Names are imported when they are first used: listing
+plugins must not load the numerical libraries.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rigcal.calibrate import calibrate
+    from rigcal.calibration import Calibration, SensorResult
+    from rigcal.calibration_file import load_calibration, save_calibration
+    from rigcal.detect import detect
+    from rigcal.errors import RigcalError
+    from rigcal.evaluate import Evaluation, evaluate
+    from rigcal.observation import Observation
+    from rigcal.observation_file import load_observations, save_observations
+    from rigcal.plugin.registry import Registry
+    from rigcal.report import write_report
+    from rigcal.rig import Rig, load_rig, parse_rig
+
+_HOME = {
+    "Calibration": "calibration",
+    "Evaluation": "evaluate",
+    "Observation": "observation",
+    "Registry": "plugin.registry",
+    "Rig": "rig",
+    "RigcalError": "errors",
+    "SensorResult": "calibration",
+    "calibrate": "calibrate",
+    "detect": "detect",
+    "evaluate": "evaluate",
+    "load_calibration": "calibration_file",
+    "load_observations": "observation_file",
+    "load_rig": "rig",
+    "parse_rig": "rig",
+    "save_calibration": "calibration_file",
+    "save_observations": "observation_file",
+    "write_report": "report",
+}
+
+__all__ = [
+    "Calibration",
+    "Evaluation",
+    "Observation",
+    "Registry",
+    "Rig",
+    "RigcalError",
+    "SensorResult",
+    "calibrate",
+    "detect",
+    "evaluate",
+    "load_calibration",
+    "load_observations",
+    "load_rig",
+    "parse_rig",
+    "save_calibration",
+    "save_observations",
+    "write_report",
+]
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(f"rigcal.{_HOME[name]}"), name)
+    raise AttributeError(f"module 'rigcal' has no attribute '{name}'")

@@ -5,47 +5,31 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration import Calibration
 from rigcal.errors import ConfigError, NotDeterminedError, ObservationError
 from rigcal.exposures import by_exposure
-from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.correspondence import determines
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.pairwise import PairResult, calibrate_pair
-from rigcal.graph.selection import Selection, misfit, select
+from rigcal.graph.result import make_result
+from rigcal.graph.selection import Selection, select
 from rigcal.graph.solve import Solution, estimate
+from rigcal.graph.task import Exposures, Task
 from rigcal.graph.tree import spanning_tree
-from rigcal.observation import Candidate, Observation
-from rigcal.plugin.contract import PoseConfig, Residual, SensorType
+from rigcal.observation import Observation
+from rigcal.plugin.contract import PoseConfig
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
-from rigcal.residual import residual_of_geometry
 from rigcal.rig import Rig, build_targets
-from rigcal.targets.target import Target
 
 # A pose with larger standard deviations is not determined (rad, m).
 _OPEN = np.array([np.radians(3.0)] * 3 + [0.15] * 3)
 _AXES = (*(f"rotation about {a}" for a in "xyz"), *(f"translation along {a}" for a in "xyz"))
-
-Exposures = Mapping[str, Mapping[str, Observation]]
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """A rig with its observations, and everything its sensors' plugins brought."""
-
-    rig: Rig
-    kinds: Mapping[str, SensorType]
-    targets: Mapping[str, Target]
-    exposures: Exposures
-
-    def target(self, sensor: str) -> Target:
-        return self.targets[self.rig.target_of(sensor)]
 
 
 def calibrate(
@@ -73,10 +57,10 @@ def calibrate(
     solution = estimate(edges, T_root, boards, fixed, progress)
     _check_used(task, solution, fixed)
     _check_determined(rig, solution)
-    return _result(task, solution, selections, refused, fixed, seed, pairs)
+    return make_result(task, solution, selections, refused, fixed, seed, pairs)
 
 
-def _prepare(rig: Rig, registry: Registry, observations: Sequence[Observation]) -> _Task:
+def _prepare(rig: Rig, registry: Registry, observations: Sequence[Observation]) -> Task:
     unknown = sorted({o.sensor for o in observations} - set(rig.sensors))
     if unknown:
         raise ObservationError(
@@ -93,7 +77,7 @@ def _prepare(rig: Rig, registry: Registry, observations: Sequence[Observation]) 
                 "Check the target's type and dimensions in the rig file, and this sensor's entry"
             )
     kinds = {name: registry.sensor_type(c.type) for name, c in rig.sensors.items()}
-    return _Task(rig, kinds, build_targets(rig, registry), _by_target(rig, observations))
+    return Task(rig, kinds, build_targets(rig, registry), _by_target(rig, observations))
 
 
 def _by_target(rig: Rig, observations: Sequence[Observation]) -> Exposures:
@@ -109,7 +93,7 @@ def _by_target(rig: Rig, observations: Sequence[Observation]) -> Exposures:
     return split
 
 
-def pairwise(task: _Task, seed: int, tell: Progress) -> list[PairResult]:
+def pairwise(task: Task, seed: int, tell: Progress) -> list[PairResult]:
     """Every pair of sensors that look at one target; the order in a pair is one that determines."""
     names = list(itertools.combinations(task.rig.sensors, 2))
     results = []
@@ -167,9 +151,7 @@ def _pose(rig: Rig, name: str) -> PoseConfig:
     return pose
 
 
-def _select(
-    task: _Task, T_root: Mapping[str, Array]
-) -> tuple[dict[str, Selection], dict[str, str]]:
+def _select(task: Task, T_root: Mapping[str, Array]) -> tuple[dict[str, Selection], dict[str, str]]:
     selections, refused = {}, {}
     for exposure, seen in task.exposures.items():
         answer = select(seen, T_root, task.target(next(iter(seen))))
@@ -180,23 +162,16 @@ def _select(
     return selections, refused
 
 
-def _edges(task: _Task, selections: Mapping[str, Selection]) -> list[SensorTargetEdge]:
+def _edges(task: Task, selections: Mapping[str, Selection]) -> list[SensorTargetEdge]:
     return [
-        SensorTargetEdge(sensor, exposure, _residual(task, sensor, candidate))
+        SensorTargetEdge(sensor, exposure, task.residual(sensor, candidate))
         for exposure, selection in selections.items()
         for sensor, i in selection.chosen.items()
         for candidate in [task.exposures[exposure][sensor].candidates[i]]
     ]
 
 
-def _residual(task: _Task, sensor: str, candidate: Candidate) -> Residual:
-    make = task.kinds[sensor].residual
-    if make is None:
-        return residual_of_geometry(candidate)
-    return make(candidate, task.rig.sensors[sensor], task.target(sensor))
-
-
-def _check_used(task: _Task, solution: Solution, fixed: frozenset[str]) -> None:
+def _check_used(task: Task, solution: Solution, fixed: frozenset[str]) -> None:
     for sensor in task.rig.sensors:
         if sensor in fixed or any(e.sensor == sensor for e in solution.edges):
             continue
@@ -221,94 +196,3 @@ def _check_determined(rig: Rig, solution: Solution) -> None:
             "record boards with more different tilts and places in view of these sensors together "
             "with a camera or a 3D laser; parallel boards fix only part of a pose"
         )
-
-
-def _result(
-    task: _Task,
-    solution: Solution,
-    selections: Mapping[str, Selection],
-    refused: Mapping[str, str],
-    fixed: frozenset[str],
-    seed: int,
-    pairs: Sequence[PairResult],
-) -> Calibration:
-    sensors = {}
-    for name in task.rig.sensors:
-        own = [e for e in solution.edges if e.sensor == name]
-        detected = [s[name] for s in task.exposures.values() if name in s and s[name].candidates]
-        covariance = None if name in fixed else solution.information.covariance_of(name)
-        sensors[name] = SensorResult(
-            task.rig.root,
-            solution.sensors[name],
-            covariance,
-            len(detected),
-            len(own),
-            _statistics(task, solution, name, own, selections),
-            solution.scales.get(name),
-        )
-    rejected = tuple(
-        Rejection(name, exposure, o.origin, reason)
-        for exposure, seen in task.exposures.items()
-        for name, o in seen.items()
-        if (reason := _why_not(o, solution, selections, refused))
-    )
-    return Calibration(
-        task.rig.root,
-        sensors,
-        dict(solution.targets),
-        rejected,
-        _warnings(pairs),
-        {"seed": seed, "formulation": "joint"},
-    )
-
-
-def _why_not(
-    o: Observation,
-    solution: Solution,
-    selections: Mapping[str, Selection],
-    refused: Mapping[str, str],
-) -> str:
-    """Why this observation is not among the inliers; empty if it is."""
-    if not o.candidates:
-        return o.reason
-    if o.exposure in refused:
-        return refused[o.exposure]
-    if reason := selections[o.exposure].left_out.get(o.sensor):
-        return reason
-    return solution.dropped.get((o.sensor, o.exposure), "")
-
-
-def _statistics(
-    task: _Task,
-    solution: Solution,
-    name: str,
-    own: Sequence[SensorTargetEdge],
-    selections: Mapping[str, Selection],
-) -> ResidualStatistics | None:
-    """Rms of the raw measurements' errors over the inliers, masked ones left out."""
-    kind = task.kinds[name]
-    values = []
-    for edge in own:
-        o = task.exposures[edge.exposure][name]
-        candidate = o.candidates[selections[edge.exposure].chosen[name]]
-        T_s_t = se3.inverse(solution.sensors[name]) @ solution.targets[edge.exposure]
-        if kind.errors is None:
-            values.append(np.array([misfit(candidate.geometry, T_s_t, task.target(name))]))
-            continue
-        errors = kind.errors(candidate, task.rig.sensors[name], task.target(name), T_s_t)
-        if edge.keep is not None and len(edge.keep) == len(errors):
-            errors = errors[edge.keep]
-        values.append(errors.reshape(-1))
-    if not values:
-        return None
-    errors = np.concatenate(values)
-    rms = float(np.sqrt(np.mean(errors**2)))
-    return ResidualStatistics(kind.unit, rms, len(errors))
-
-
-def _warnings(pairs: Sequence[PairResult]) -> tuple[str, ...]:
-    return tuple(
-        f"{p.a} - {p.b}: {p.shared} shared exposures, but {p.reason}"
-        for p in pairs
-        if p.shared >= 5 and p.T_a_b is None and "do not determine a transform" not in p.reason
-    )

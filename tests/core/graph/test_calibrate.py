@@ -70,7 +70,9 @@ def boards(rng, count, tilt=0.6):
     facing[:, 0] = np.cross(facing[:, 1], facing[:, 2])
     for _ in range(count):
         R = se3.exp_so3(rng.uniform(-tilt, tilt, 3)) @ facing
-        yield se3.transform(R, np.array([rng.uniform(2, 4), rng.uniform(-1, 1), rng.uniform(-0.3, 0.3)]))
+        yield se3.transform(
+            R, np.array([rng.uniform(2, 4), rng.uniform(-1, 1), rng.uniform(-0.3, 0.3)])
+        )
 
 
 def observe(kind, T_s_t, rng, sigma=0.003):
@@ -106,7 +108,9 @@ def observe(kind, T_s_t, rng, sigma=0.003):
 
 T_ROOT = {
     0: np.eye(4),
-    1: se3.transform(se3.rotation_from_rpy(np.array([0.06, -0.05, 0.5])), np.array([0.1, 0.5, 0.1])),
+    1: se3.transform(
+        se3.rotation_from_rpy(np.array([0.06, -0.05, 0.5])), np.array([0.1, 0.5, 0.1])
+    ),
     2: se3.transform(
         se3.rotation_from_rpy(np.array([-0.05, 0.03, -0.4])), np.array([-0.2, -0.3, -0.1])
     ),

@@ -28,7 +28,7 @@ CONTRACT_VERSION = 1
 class RotationConfig(BaseModel):
     """A unit quaternion by named keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     x: float
     y: float
@@ -49,7 +49,7 @@ class PoseConfig(BaseModel):
     `rpy_deg` is roll, pitch, yaw about the parent's fixed x, y, z, as in URDF.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     parent: str
     translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -79,7 +79,7 @@ class SensorConfig(BaseModel):
     Subclasses write `class XConfig(SensorConfig, frozen=True)` and `type: Literal["x"] = "x"`.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     type: str
     topic: str | None = Field(default=None, description="topic of the sensor in a bag")
@@ -135,6 +135,7 @@ Frame = Any
 Decode = Callable[[Message, Any], Frame]
 Detect = Callable[[Frame, Any, Target], Detection]
 MakeResidual = Callable[[Candidate, Any, Target], Residual]
+Observe = Callable[[Array, Any, Target, np.random.Generator], Candidate | None]
 Simulate = Callable[[Array, Scene, Any, np.random.Generator], Frame]
 Encode = Callable[[Frame, Any, int, str], Any]
 Errors = Callable[[Candidate, Any, Target, Array], Array]
@@ -153,6 +154,8 @@ class SensorType:
     errors          (candidate, config, target, T_s_t) -> (N,) or (N, 2) unwhitened errors of the
                     raw measurements in `unit`, for statistics; None: by geometry, in metres
     unit            unit of `errors`: "px", "m"
+    observe         (T_s_t, config, target, rng) -> Candidate or None: what a flawless detector would
+                    report of a target in plain view, with the configured noise
     simulate        (T_w_s, scene, config, rng) -> frame
     encode          (frame, config, stamp_ns, frame_id) -> ROS message (see `recording.ros`)
     message_type    ROS name of what `encode` makes
@@ -169,6 +172,7 @@ class SensorType:
     residual: MakeResidual | None = None
     errors: Errors | None = None
     unit: str = "m"
+    observe: Observe | None = None
     simulate: Simulate | None = None
     encode: Encode | None = None
     message_type: str | None = None

@@ -1,0 +1,108 @@
+"""From the solution to what the user gets: poses, statistics, and why data were left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.geometry import se3
+from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.pairwise import PairResult
+from rigcal.graph.selection import Selection, misfit
+from rigcal.graph.solve import Solution
+from rigcal.graph.task import Task
+from rigcal.observation import Observation
+
+
+def make_result(
+    task: Task,
+    solution: Solution,
+    selections: Mapping[str, Selection],
+    refused: Mapping[str, str],
+    fixed: frozenset[str],
+    seed: int,
+    pairs: Sequence[PairResult],
+) -> Calibration:
+    """The calibration of all sensors; every observation that is no inlier is in `rejected`."""
+    sensors = {}
+    for name in task.rig.sensors:
+        own = [e for e in solution.edges if e.sensor == name]
+        detected = [s[name] for s in task.exposures.values() if name in s and s[name].candidates]
+        covariance = None if name in fixed else solution.information.covariance_of(name)
+        sensors[name] = SensorResult(
+            task.rig.root,
+            solution.sensors[name],
+            covariance,
+            len(detected),
+            len(own),
+            _statistics(task, solution, name, own, selections),
+            solution.scales.get(name),
+        )
+    rejected = tuple(
+        Rejection(name, exposure, o.origin, reason)
+        for exposure, seen in task.exposures.items()
+        for name, o in seen.items()
+        if (reason := _why_not(o, solution, selections, refused))
+    )
+    return Calibration(
+        task.rig.root,
+        sensors,
+        dict(solution.targets),
+        rejected,
+        _warnings(pairs),
+        {"seed": seed, "formulation": "joint"},
+    )
+
+
+def _why_not(
+    o: Observation,
+    solution: Solution,
+    selections: Mapping[str, Selection],
+    refused: Mapping[str, str],
+) -> str:
+    """Why this observation is not among the inliers; empty if it is."""
+    if not o.candidates:
+        return o.reason
+    if o.exposure in refused:
+        return refused[o.exposure]
+    if reason := selections[o.exposure].left_out.get(o.sensor):
+        return reason
+    return solution.dropped.get((o.sensor, o.exposure), "")
+
+
+def _statistics(
+    task: Task,
+    solution: Solution,
+    name: str,
+    own: Sequence[SensorTargetEdge],
+    selections: Mapping[str, Selection],
+) -> ResidualStatistics | None:
+    """Rms of the raw measurements' errors over the inliers, masked ones left out."""
+    kind = task.kinds[name]
+    values = []
+    for edge in own:
+        o = task.exposures[edge.exposure][name]
+        candidate = o.candidates[selections[edge.exposure].chosen[name]]
+        T_s_t = se3.inverse(solution.sensors[name]) @ solution.targets[edge.exposure]
+        if kind.errors is None:
+            values.append(np.array([misfit(candidate.geometry, T_s_t, task.target(name))]))
+            continue
+        errors = kind.errors(candidate, task.rig.sensors[name], task.target(name), T_s_t)
+        if edge.keep is not None and len(edge.keep) == len(errors):
+            errors = errors[edge.keep]
+        values.append(errors.reshape(-1))
+    if not values:
+        return None
+    errors = np.concatenate(values)
+    rms = float(np.sqrt(np.mean(errors**2)))
+    return ResidualStatistics(kind.unit, rms, len(errors))
+
+
+def _warnings(pairs: Sequence[PairResult]) -> tuple[str, ...]:
+    return tuple(
+        f"{p.a} - {p.b}: {p.shared} shared exposures, but {p.reason}"
+        for p in pairs
+        if p.shared >= 5 and p.T_a_b is None and "do not determine a transform" not in p.reason
+    )

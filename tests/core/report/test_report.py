@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.errors import InputError
 from rigcal.geometry import se3
 from rigcal.observation import Candidate, Detection, Observation, PointGeometry
 from rigcal.plugin import SensorConfig, SensorType, hookimpl
@@ -181,12 +182,12 @@ def test_a_failed_write_leaves_what_was_there(
     case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(self: Path, target: Path) -> None:
-        raise OSError("no space left on device")
+        raise OSError(28, "No space left on device")
 
     path = tmp_path / "report.html"
     path.write_text("the old one")
     monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(OSError, match="no space left"):
+    with pytest.raises(InputError, match="cannot be written"):
         write_report(path, *case)
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
     assert path.read_text() == "the old one"

@@ -29,14 +29,15 @@ def boards_figure(sensors: Mapping[str, Array], boards: Sequence[Array]) -> str:
     from matplotlib.collections import PolyCollection
 
     figure, panels = _panels("{} [m]")
-    length = 0.08 * _extent([T[:3, 3] for T in sensors.values()] + [b.max(axis=0) for b in boards])
+    points = np.vstack([*(T[None, :3, 3] for T in sensors.values()), *boards])
+    length = 0.08 * _extent(points)
     for axes, (i, j) in panels:
         outlines = [board[:, [i, j]] for board in boards]
         style = {"facecolors": "none", "edgecolors": _BOARD, "linewidths": 0.6}
-        axes.add_collection(PolyCollection(outlines, **style), autolim=True)  # type: ignore[arg-type]
+        axes.add_collection(PolyCollection(outlines, **style))  # type: ignore[arg-type]
         for T in sensors.values():
             _draw_frame(axes, T, i, j, length)
-        axes.autoscale_view()
+        _frame_view(axes, points, i, j)
     return _svg(figure)
 
 
@@ -44,13 +45,15 @@ def rig_figure(sensors: Mapping[str, Array]) -> str:
     """SVG of the sensors alone, named, with their axes (x red, y green, z blue)."""
     figure, panels = _panels("{} [mm]")
     scaled = {name: _in_millimetres(T) for name, T in sensors.items()}
-    length = 0.15 * _extent([T[:3, 3] for T in scaled.values()])
+    origins = np.array([T[:3, 3] for T in scaled.values()])
+    length = 0.15 * _extent(origins)
+    points = np.vstack([se3.apply(T, length * np.eye(3)) for T in scaled.values()] + [origins])
     for axes, (i, j) in panels:
         for name, T in scaled.items():
             _draw_frame(axes, T, i, j, length)
             at = (T[i, 3], T[j, 3])
             axes.annotate(name, at, (3, 3), textcoords="offset points", fontsize=7, color=_INK)
-        axes.margins(0.15)
+        _frame_view(axes, points, i, j)
     return _svg(figure)
 
 
@@ -61,7 +64,7 @@ def _panels(label: str) -> tuple[Figure, list[tuple[Axes, tuple[int, int]]]]:
     panels = []
     for number, (a, b) in enumerate(_VIEWS, start=1):
         axes = figure.add_subplot(1, 3, number)
-        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_aspect("equal")
         axes.set_xlabel(label.format(a), fontsize=8)
         axes.set_ylabel(label.format(b), fontsize=8)
         axes.tick_params(labelsize=7, colors=_INK)
@@ -81,9 +84,17 @@ def _draw_frame(axes: Axes, T: Array, i: int, j: int, length: float) -> None:
     axes.plot(T[i, 3], T[j, 3], "o", color=_INK, markersize=2.5)
 
 
-def _extent(points: Sequence[Array]) -> float:
+def _frame_view(axes: Axes, points: Array, i: int, j: int) -> None:
+    """Show all points (N, 3), at the same scale in every view."""
+    half = 0.58 * _extent(points)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    axes.set_xlim(middle[i] - half, middle[i] + half)
+    axes.set_ylim(middle[j] - half, middle[j] + half)
+
+
+def _extent(points: Array) -> float:
     """Largest side of the points' box; 1 where they coincide."""
-    return float(np.ptp(np.array(points), axis=0).max()) or 1.0
+    return float(np.ptp(points, axis=0).max()) or 1.0
 
 
 def _in_millimetres(T: Array) -> Array:

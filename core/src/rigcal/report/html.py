@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rigcal.calibration import Calibration
+from rigcal.files import write_text
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Observation
@@ -27,9 +26,9 @@ def write_report(
     """Write the report of a calibration as one self-contained HTML file.
 
     `observations` are those that the calibration was made from. The same input gives the same
-    bytes. The file appears whole or not at all; OSError when it cannot be written.
+    bytes. The file appears whole or not at all; InputError when it cannot be written.
     """
-    _write_whole(Path(path), render(calibration, observations, rig, registry))
+    write_text(path, render(calibration, observations, rig, registry))
 
 
 def render(
@@ -86,15 +85,3 @@ def _boards(
         se3.apply(T_root_t, targets[shown.get(exposure, first)].outline_points)
         for exposure, T_root_t in calibration.target_poses.items()
     ]
-
-
-def _write_whole(path: Path, text: str) -> None:
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

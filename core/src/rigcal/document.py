@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +14,7 @@ from rigcal.errors import ConfigError
 from rigcal.validation import Key, explain
 
 _M = TypeVar("_M", bound=BaseModel)
+Place = tuple[Key, ...]
 
 
 @dataclass(frozen=True)
@@ -22,9 +23,9 @@ class Document:
 
     name: str
     data: dict[Any, Any]
-    lines: Mapping[tuple[Key, ...], int] = field(default_factory=dict)
+    lines: Mapping[Place, int] = field(default_factory=dict)
 
-    def where(self, path: tuple[Key, ...]) -> str:
+    def where(self, path: Place) -> str:
         """`rig.yaml:12: sensors.cam0.topic`, with the line of the nearest key above if need be."""
         known = path
         while known and known not in self.lines:
@@ -38,13 +39,13 @@ class Problems:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self._found: list[tuple[tuple[Key, ...], str]] = []
+        self._found: list[tuple[Place, str]] = []
 
-    def add(self, path: tuple[Key, ...], text: str) -> None:
+    def add(self, path: Place, text: str) -> None:
         """Note what is wrong at a path such as ("sensors", "cam0")."""
         self._found.append((path, text))
 
-    def validate(self, model: type[_M], data: object, path: tuple[Key, ...] = ()) -> _M | None:
+    def validate(self, model: type[_M], data: object, path: Place = ()) -> _M | None:
         """`data` as an instance of `model`, or None after noting every error in it."""
         if not isinstance(data, dict):
             self.add(path, f"found {describe(data)}, expected a mapping (`key: value` lines)")
@@ -75,7 +76,7 @@ def describe(data: object) -> str:
     return repr(data)
 
 
-def dotted(path: tuple[Key, ...]) -> str:
+def dotted(path: Place) -> str:
     """`sensors.cam0.focal_px[1]`."""
     text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path)
     return text.removeprefix(".")
@@ -100,8 +101,8 @@ def read_document(path: Path | str, holds: str) -> Document:
         node = loader.get_single_node()
         if node is None:
             raise ConfigError(f"{path}: the file is empty, expected {holds}")
-        lines: dict[tuple[Key, ...], int] = {}
-        _walk(node, (), lines, str(path))
+        lines: dict[Place, int] = {}
+        _walk(loader, node, (), lines, str(path))
         data = loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -117,29 +118,36 @@ def read_document(path: Path | str, holds: str) -> Document:
 
 
 def _walk(
-    node: yaml.Node, path: tuple[Key, ...], lines: dict[tuple[Key, ...], int], name: str
+    loader: yaml.SafeLoader, node: yaml.Node, path: Place, lines: dict[Place, int], name: str
 ) -> None:
     """Note the line of every key and item; refuse a key that stands twice in one mapping."""
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
             lines.setdefault((*path, index), item.start_mark.line + 1)
-            _walk(item, (*path, index), lines, name)
+            _walk(loader, item, (*path, index), lines, name)
     elif isinstance(node, yaml.MappingNode):
-        seen: dict[Hashable, int] = {}
+        seen: dict[Key, int] = {}
         for key_node, value in node.value:
-            key, line = key_node.value, key_node.start_mark.line + 1
-            if not isinstance(key_node, yaml.ScalarNode):
-                raise ConfigError(f"{name}:{line}: {dotted(path)}: a key must be a word")
-            if key in seen and key != "<<":
+            if key_node.tag == "tag:yaml.org,2002:merge":
+                continue
+            line = key_node.start_mark.line + 1
+            key = _key(loader, key_node, f"{name}:{line}: {dotted(path)}".rstrip(": "))
+            if key in seen:
                 raise ConfigError(
                     f"{name}:{line}: {dotted((*path, key))}: the key stands twice in one mapping, "
                     f"first in line {seen[key]}; remove or rename one"
                 )
-            if key != "<<" and key_node.tag != "tag:yaml.org,2002:str":
-                raise ConfigError(
-                    f"{name}:{line}: {dotted((*path, key))}: YAML reads this key as a "
-                    f'{key_node.tag.rsplit(":", 1)[-1]}; write "{key}" in quotes'
-                )
-            seen[key] = line
-            lines[(*path, key)] = line
-            _walk(value, (*path, key), lines, name)
+            seen[key] = lines[(*path, key)] = line
+            _walk(loader, value, (*path, key), lines, name)
+
+
+def _key(loader: yaml.SafeLoader, node: yaml.Node, where: str) -> Key:
+    if isinstance(node, yaml.ScalarNode):
+        key = loader.construct_object(node)
+        if isinstance(key, (str, int)) and not isinstance(key, bool):
+            return key
+        raise ConfigError(
+            f"{where}: YAML reads the key {node.value} as {key!r}, expected a word: "
+            f'write "{node.value}" in quotes'
+        )
+    raise ConfigError(f"{where}: found a list or mapping as a key, expected a word")

@@ -19,7 +19,7 @@ class TargetConfig(BaseModel):
     the printed pattern ends.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     type: str
     width_m: float | None = Field(default=None, gt=0, description="width of the board")

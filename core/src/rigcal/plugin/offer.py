@@ -5,17 +5,20 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import pluggy
-from pydantic import BaseModel
 
 from rigcal.errors import PluginError
 from rigcal.plugin import hookspecs
-from rigcal.plugin.contract import CONTRACT_VERSION, SensorConfig, SensorType
-from rigcal.targets.target import TargetConfig, TargetType
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from rigcal.plugin.contract import SensorType
+    from rigcal.targets.target import TargetType
 
 Command = tuple[str, Callable[..., Any]]
 HOOKS = tuple(sorted(name for name in vars(hookspecs) if name.startswith("rigcal_")))
@@ -26,13 +29,21 @@ _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 class Offer:
     """The checked objects of one plugin."""
 
-    sensor_types: tuple[SensorType, ...]
-    target_types: tuple[TargetType, ...]
-    commands: tuple[Command, ...]
+    sensor_types: tuple[SensorType, ...] = ()
+    target_types: tuple[TargetType, ...] = ()
+    commands: tuple[Command, ...] = ()
+
+    def __str__(self) -> str:
+        words = [f"sensor type {s.name}" for s in self.sensor_types]
+        words += [f"target type {t.name}" for t in self.target_types]
+        return ", ".join([*words, *(f"command {name}" for name, _ in self.commands)])
 
 
-def collect(plugin: object) -> Offer:
-    """Call a plugin's hooks (module or object) and check what they return; PluginError if wrong."""
+def collect(plugin: object, hooks: Collection[str] = HOOKS) -> Offer:
+    """Call hooks of a plugin (module or object) and check what they return; PluginError if wrong.
+
+    The sensor contract, and with it numpy and pydantic, is imported only for types.
+    """
     _check_spelling(plugin)
     # A manager of its own: whatever is wrong with one plugin stays with it, and pluggy cannot
     # drop the second of two plugins with equal entry point names.
@@ -43,17 +54,11 @@ def collect(plugin: object) -> Offer:
         manager.check_pending()
     except (pluggy.PluginValidationError, ValueError) as error:
         raise PluginError(" ".join(str(error).split())) from error
-    sensor_types = tuple(_items(manager, "rigcal_sensor_types", SensorType))
-    target_types = tuple(_items(manager, "rigcal_target_types", TargetType))
-    commands = tuple(_items(manager, "rigcal_commands", tuple))
-    for sensor in sensor_types:
-        _check_sensor(sensor)
-    for target in target_types:
-        _check_config("target type", target.name, target.config, TargetConfig)
-        _check_callable("target type", target.name, "build", target.build)
-    for command in commands:
-        _check_command(command)
-    return Offer(sensor_types, target_types, commands)
+    parts = {
+        hook.removeprefix("rigcal_"): tuple(_checked(hook, item) for item in _items(manager, hook))
+        for hook in hooks
+    }
+    return Offer(**parts)
 
 
 def _check_spelling(plugin: object) -> None:
@@ -75,24 +80,33 @@ def _check_spelling(plugin: object) -> None:
         raise PluginError(f"it implements no hook (hooks: {', '.join(HOOKS)})")
 
 
-def _items(manager: pluggy.PluginManager, hook: str, kind: type[Any]) -> Iterable[Any]:
+def _items(manager: pluggy.PluginManager, hook: str) -> Iterator[Any]:
     try:
         answers = getattr(manager.hook, hook)()
     except (Exception, SystemExit) as error:
         raise PluginError(f"{hook} failed with {type(error).__name__}: {error}") from error
-    expected = "(name, function)" if kind is tuple else kind.__name__
     for answer in answers:
         if not isinstance(answer, (list, tuple)):
-            raise PluginError(
-                f"{hook} returned a {type(answer).__name__}, expected a list of {expected}"
-            )
-        for item in answer:
-            if not isinstance(item, kind):
-                raise PluginError(f"{hook} offers {item!r}, expected {expected}")
-            yield item
+            raise PluginError(f"{hook} returned a {type(answer).__name__}, expected a list")
+        yield from answer
 
 
-def _check_sensor(sensor: SensorType) -> None:
+def _checked(hook: str, item: Any) -> Any:
+    match hook:
+        case "rigcal_sensor_types":
+            _check_sensor(item)
+        case "rigcal_target_types":
+            _check_target(item)
+        case "rigcal_commands":
+            _check_command(item)
+    return item
+
+
+def _check_sensor(sensor: Any) -> None:
+    from rigcal.plugin.contract import CONTRACT_VERSION, SensorConfig, SensorType
+
+    if not isinstance(sensor, SensorType):
+        raise PluginError(f"rigcal_sensor_types offers {sensor!r}, expected a SensorType")
     if sensor.contract != CONTRACT_VERSION:
         raise PluginError(
             f"sensor type '{sensor.name}' follows version {sensor.contract} of the plugin "
@@ -104,11 +118,31 @@ def _check_sensor(sensor: SensorType) -> None:
         raise PluginError(
             f"sensor type '{sensor.name}': message_types is {kinds!r}, expected a tuple of names"
         )
-    for name in ("decode", "detect"):
-        _check_callable("sensor type", sensor.name, name, getattr(sensor, name))
-    for name in ("residual", "errors", "simulate", "encode", "extra_messages", "sees"):
-        if getattr(sensor, name) is not None:
-            _check_callable("sensor type", sensor.name, name, getattr(sensor, name))
+    for part, function in vars(sensor).items():
+        optional = SensorType.__dataclass_fields__[part].default is None
+        if part not in _DATA_FIELDS and not (callable(function) or (optional and not function)):
+            raise PluginError(
+                f"sensor type '{sensor.name}': {part} is {function!r}, not a function"
+            )
+
+
+_DATA_FIELDS = {"name", "config", "message_types", "unit", "message_type", "contract"}
+
+
+def _check_target(target: Any) -> None:
+    from rigcal.targets.target import TargetConfig, TargetType
+
+    if not isinstance(target, TargetType):
+        raise PluginError(f"rigcal_target_types offers {target!r}, expected a TargetType")
+    _check_config("target type", target.name, target.config, TargetConfig)
+    if not callable(target.build):
+        raise PluginError(f"target type '{target.name}': build is {target.build!r}, not a function")
+
+
+def _check_command(command: Any) -> None:
+    pair = isinstance(command, tuple) and len(command) == 2
+    if not (pair and isinstance(command[0], str) and callable(command[1])):
+        raise PluginError(f"rigcal_commands offers {command!r}, expected (name, function)")
 
 
 def _check_config(kind: str, name: object, config: object, base: type[BaseModel]) -> None:
@@ -124,13 +158,3 @@ def _check_config(kind: str, name: object, config: object, base: type[BaseModel]
             f"{kind} '{name}': {config.__name__}.type must be declared "
             f'`type: Literal["{name}"] = "{name}"`'
         )
-
-
-def _check_callable(kind: str, name: str, part: str, value: object) -> None:
-    if not callable(value):
-        raise PluginError(f"{kind} '{name}': {part} is {value!r}, expected a function")
-
-
-def _check_command(command: tuple[Any, ...]) -> None:
-    if len(command) != 2 or not isinstance(command[0], str) or not callable(command[1]):
-        raise PluginError(f"rigcal_commands offers {command!r}, expected (name, function)")

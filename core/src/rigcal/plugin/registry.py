@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points, version
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from rigcal.errors import PluginError
-from rigcal.plugin.contract import SensorType
 from rigcal.plugin.hookspecs import hookimpl
-from rigcal.plugin.offer import Offer, collect
-from rigcal.targets import BUILTIN_TARGETS, TargetType
+from rigcal.plugin.offer import HOOKS, Offer, collect
+
+if TYPE_CHECKING:
+    from rigcal.plugin.contract import SensorType
+    from rigcal.targets.target import TargetType
 
 GROUP = DISTRIBUTION = "rigcal"
 _CLASH = "uninstall all but one of them"
@@ -21,12 +23,12 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plugin that works. `offers` reads ("sensor type camera", "command demo")."""
+    """A plugin that works. `offers` reads "sensor type camera, command demo"."""
 
     name: str
     distribution: str
     version: str
-    offers: tuple[str, ...]
+    offers: str
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,8 @@ class _Builtin:
 
     @hookimpl
     def rigcal_target_types(self) -> tuple[TargetType, ...]:
+        from rigcal.targets import BUILTIN_TARGETS
+
         return BUILTIN_TARGETS
 
 
@@ -96,19 +100,22 @@ class Registry:
     """
 
     def __init__(self, plugins: Iterable[object] = ()) -> None:
-        self._collect([_given(plugin) for plugin in plugins])
+        self._collect([_given(plugin) for plugin in plugins], HOOKS)
         if self._broken:
             raise PluginError("\n".join(map(str, self._broken)))
 
     @classmethod
-    def from_entry_points(cls) -> Registry:
-        """Everything installed in entry point group `rigcal`; never raises for a bad plugin."""
+    def from_entry_points(cls, hooks: Collection[str] = HOOKS) -> Registry:
+        """What is installed in entry point group `rigcal`; never raises for a bad plugin.
+
+        `hooks` limits what plugins are asked for: commands alone import no numerical library.
+        """
         registry = cls.__new__(cls)
         found = sorted(entry_points(group=GROUP), key=lambda e: (e.name, _owner_of(e)))
-        registry._collect([_installed(entry) for entry in found])
+        registry._collect([_installed(entry) for entry in found], hooks)
         return registry
 
-    def _collect(self, installed: list[_Installed]) -> None:
+    def _collect(self, installed: list[_Installed], hooks: Collection[str]) -> None:
         self._sensors: _Table[SensorType] = _Table("sensor type")
         self._targets: _Table[TargetType] = _Table("target type")
         self._commands: _Table[Callable[..., Any]] = _Table("command")
@@ -118,7 +125,7 @@ class Registry:
         for one in [builtin, *installed]:
             # A plugin may fail in any way, sys.exit included: what does not use it goes on.
             try:
-                offer = collect(one.load())
+                offer = collect(one.load(), hooks)
             except PluginError as error:
                 self._leave_out(one, str(error))
             except (Exception, SystemExit) as error:
@@ -136,12 +143,7 @@ class Registry:
         complaints = [self._sensors.add(s.name, s, owner) for s in offer.sensor_types]
         complaints += [self._targets.add(t.name, t, owner) for t in offer.target_types]
         complaints += [self._commands.add(name, run, owner) for name, run in offer.commands]
-        offers = (
-            *(f"sensor type {s.name}" for s in offer.sensor_types),
-            *(f"target type {t.name}" for t in offer.target_types),
-            *(f"command {name}" for name, _ in offer.commands),
-        )
-        self._plugins.append(Plugin(one.name, one.distribution, one.version, offers))
+        self._plugins.append(Plugin(one.name, one.distribution, one.version, str(offer)))
         for complaint in filter(None, complaints):
             self._leave_out(one, complaint, _CLASH)
 

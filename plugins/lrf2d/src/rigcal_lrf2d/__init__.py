@@ -1,1 +1,36 @@
-"""lrf2d"""
+"""2D laser range finders for rigcal."""
+
+from __future__ import annotations
+
+import rigcal.plugin as rp
+from rigcal.plugin.contract import SensorType
+from rigcal_lrf2d.config import Lrf2dConfig
+from rigcal_lrf2d.decode import MESSAGE_TYPES, decode
+from rigcal_lrf2d.detector import detect
+from rigcal_lrf2d.residual import errors, residual
+from rigcal_lrf2d.scan import Scan
+from rigcal_lrf2d.simulator import MESSAGE_TYPE, encode, observe, sees, simulate
+
+__all__ = ["LRF2D", "Lrf2dConfig", "Scan", "rigcal_sensor_types"]
+
+LRF2D = SensorType(
+    name="lrf2d",
+    config=Lrf2dConfig,
+    message_types=MESSAGE_TYPES,
+    decode=decode,
+    detect=detect,
+    residual=residual,
+    errors=errors,
+    unit="m",
+    observe=observe,
+    simulate=simulate,
+    encode=encode,
+    message_type=MESSAGE_TYPE,
+    sees=sees,
+)
+
+
+@rp.hookimpl
+def rigcal_sensor_types() -> list[SensorType]:
+    """The one sensor type of this package."""
+    return [LRF2D]

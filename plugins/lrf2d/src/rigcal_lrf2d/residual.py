@@ -1,0 +1,52 @@
+"""Range residuals of a line candidate as functions of the target's pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rigcal.geometry.se3 import Array
+from rigcal.geometry.shapes import plane_of_target
+from rigcal.observation import Candidate
+from rigcal.plugin.contract import Residual
+from rigcal.residual import beam_residual
+from rigcal.targets.target import Target
+from rigcal_lrf2d.config import Lrf2dConfig
+from rigcal_lrf2d.detector import noise_of
+from rigcal_lrf2d.line import total_least_squares
+from rigcal_lrf2d.scan import directions
+
+
+def residual(candidate: Candidate, config: Lrf2dConfig, target: Target) -> Residual:
+    """Whitened range errors of the candidate's beams against the plane of the target.
+
+    Their sum of squares depends on the two parameters of the plane's trace in z = 0 only, so it is
+    compressed to two rows (`rigcal.residual.beam_residual`). The sigma of a range holds the noise
+    of the beam's angle at its incidence.
+    """
+    angles, ranges = _beams(candidate)
+    d_s = directions(angles)
+    line = total_least_squares(d_s[:, :2] * ranges[:, None])
+    sigma = line.sigma(d_s[:, :2], noise_of(config))
+    return beam_residual(
+        d_s, ranges, sigma, np.append(line.normal, 0.0), float(line.d), planar=True
+    )
+
+
+def errors(candidate: Candidate, config: Lrf2dConfig, target: Target, T_s_t: Array) -> Array:
+    """(N,) measured range minus the range at which the beam meets the target's plane, m.
+
+    Infinite for a beam parallel to the plane.
+    """
+    angles, ranges = _beams(candidate)
+    n, d = plane_of_target(T_s_t)
+    with np.errstate(divide="ignore"):
+        result: Array = ranges + d / (directions(angles) @ n)
+    return result
+
+
+def _beams(candidate: Candidate) -> tuple[Array, Array]:
+    """Angles (N,) rad and ranges (N,) m of a candidate."""
+    return (
+        np.asarray(candidate.measurement["angles"], np.float64),
+        np.asarray(candidate.measurement["ranges"], np.float64),
+    )

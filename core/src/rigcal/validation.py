@@ -52,6 +52,7 @@ def _wrong_value(detail: Any) -> str:
         return text.removeprefix("Value error, ")
     if text.startswith("Input should be "):
         text = text.removeprefix("Input should be ")
+        text = f"a value {text}" if text.startswith(("greater", "less")) else text
     found = detail.get("input")
     if isinstance(found, (dict, list, tuple)):
         shown = f"a list of {len(found)}" if not isinstance(found, dict) else "a mapping"

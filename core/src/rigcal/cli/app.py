@@ -1,0 +1,114 @@
+"""`rigcal`: the commands put together, and errors as people read them."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from rigcal import __version__
+from rigcal.cli.calibrate import calibrate
+from rigcal.cli.detect import detect
+from rigcal.cli.evaluate import evaluate
+from rigcal.cli.plugins import plugins
+from rigcal.cli.schema import schema
+from rigcal.errors import RigcalError
+from rigcal.plugin.registry import Registry
+
+_COMMANDS: dict[str, Callable[..., Any]] = {
+    "detect": detect,
+    "calibrate": calibrate,
+    "evaluate": evaluate,
+    "plugins": plugins,
+    "schema": schema,
+}
+_VERBOSE = ("-v", "--verbose")
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and exit: 0 done, 2 the user can mend it, 1 failure."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    # Like most programs, take -v before and after the command.
+    verbose = any(argument in _VERBOSE for argument in given)
+    given = [argument for argument in given if argument not in _VERBOSE]
+    _log_to_stderr(logging.DEBUG if verbose else logging.WARNING)
+    try:
+        make_app(Registry.from_entry_points(hooks=("rigcal_commands",)))(given)
+    except RigcalError as error:
+        _fail(str(error), error.exit_code, verbose)
+    except MemoryError:
+        _fail("out of memory", 1, verbose)
+    except Exception as error:
+        _fail(
+            f"unexpected {type(error).__name__}: {error}\n"
+            "This is a defect of rigcal or of a plugin; run again with -v to see where",
+            1,
+            verbose,
+        )
+    sys.exit(0)
+
+
+def make_app(registry: Registry) -> typer.Typer:
+    """The commands of core and of the registry's plugins."""
+    app = typer.Typer(
+        name="rigcal",
+        help="Extrinsic calibration of any mix of cameras, laser range finders and other sensors.",
+        epilog=_left_out(registry),
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        add_completion=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(_options)
+    commands = {**registry.commands, **_COMMANDS}
+    for name, run in sorted(commands.items(), key=lambda item: item[0] in _COMMANDS):
+        app.command(name)(run)
+    for name in sorted(registry.commands.keys() & _COMMANDS.keys()):
+        logging.getLogger("rigcal").warning(
+            "a plugin offers the command '%s', which is rigcal's own: left out", name
+        )
+    return app
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option(*_VERBOSE, help="Show log messages, and where an error came from.")
+    ] = False,
+) -> None:
+    """Options that stand before a command."""
+
+
+def _show_version(on: bool) -> None:
+    if on:
+        typer.echo(f"rigcal {__version__}")
+        raise typer.Exit
+
+
+def _left_out(registry: Registry) -> str | None:
+    """A command that is missed may belong to a plugin that is broken."""
+    names = sorted({broken.distribution or broken.name for broken in registry.broken})
+    return f"Left out as broken: {', '.join(names)} (see rigcal plugins)." if names else None
+
+
+def _log_to_stderr(level: int) -> None:
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+    log = logging.getLogger("rigcal")
+    log.handlers, log.propagate = [handler], False
+    log.setLevel(level)
+
+
+def _fail(message: str, code: int, verbose: bool) -> NoReturn:
+    if verbose:
+        traceback.print_exc()
+    sys.stdout.flush()
+    print(f"rigcal: {message}", file=sys.stderr)
+    sys.exit(code)

@@ -1,0 +1,121 @@
+"""`rigcal calibrate`: recording or observations -> calibration.yaml and report.html."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rigcal.cli.detect import RigFile
+from rigcal.cli.output import Jobs, Json, Quiet, make_folder, print_json, print_line
+from rigcal.cli.progress import progress_bar
+from rigcal.cli.provenance import identity, versions
+
+if TYPE_CHECKING:
+    from rigcal.calibration import Calibration
+    from rigcal.observation import Observation
+    from rigcal.plugin.registry import Registry
+    from rigcal.progress import Progress
+    from rigcal.rig import Rig
+
+
+def calibrate(
+    rig_file: RigFile,
+    data: Annotated[
+        Path,
+        typer.Argument(metavar="DATA", help="A recording, or observations.npz made by `detect`."),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+    ],
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random sampling.")] = 0,
+    report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Estimate where the sensors are."""
+    from rigcal.calibrate import calibrate as estimate
+    from rigcal.plugin.registry import Registry
+    from rigcal.rig import load_rig
+
+    registry = Registry.from_entry_points()
+    rig = load_rig(rig_file, registry)
+    make_folder(out)
+    with progress_bar(quiet or json) as progress:
+        observations, inputs = _observations(rig, registry, rig_file, data, out, progress, jobs)
+        calibration = estimate(rig, registry, observations, seed=seed, progress=progress)
+        made_from = {"versions": versions(rig, registry), "inputs": inputs}
+        calibration = replace(calibration, provenance={**calibration.provenance, **made_from})
+        files = write_results(out, calibration, observations, rig, registry, report)
+    if json:
+        print_json({"files": files, **_as_mapping(calibration)})
+    elif not quiet:
+        from rigcal.cli.result_tables import print_calibration
+
+        print_calibration(calibration)
+        for name, path in files.items():
+            print_line(f"{name:13} {path}")
+
+
+def write_results(
+    out: Path,
+    calibration: Calibration,
+    observations: Sequence[Observation],
+    rig: Rig,
+    registry: Registry,
+    report: bool = True,
+) -> dict[str, str]:
+    """Write the files of a calibration into a folder; returns their paths by what they hold."""
+    from rigcal.calibration_file import save_calibration
+
+    files = {"calibration": out / "calibration.yaml", "observations": out / "observations.npz"}
+    save_calibration(files["calibration"], calibration)
+    if report:
+        from rigcal.report import write_report
+
+        files["report"] = out / "report.html"
+        write_report(files["report"], calibration, observations, rig, registry)
+    return {name: str(path) for name, path in files.items()}
+
+
+def _observations(
+    rig: Rig,
+    registry: Registry,
+    rig_file: Path,
+    data: Path,
+    out: Path,
+    progress: Progress,
+    jobs: int | None,
+) -> tuple[Sequence[Observation], dict[str, Any]]:
+    """Observations from a file or a recording, and what was read.
+
+    They are saved at once: when the estimate fails, it can be tried again without detecting.
+    """
+    from rigcal.detect import detect
+    from rigcal.observation_file import load_observations, save_observations
+
+    if data.suffix == ".npz":
+        loaded, about = load_observations(data)
+        origin = about.get("inputs", {}).get("recording")
+        source = {"recording": origin} if origin else {"observations": identity(data)}
+        observations: Sequence[Observation] = loaded
+    else:
+        observations = detect(rig, registry, data, progress, jobs)
+        source, about = {"recording": identity(data, rig)}, {}
+    inputs = {"rig": identity(rig_file), **source}
+    about = about or {"versions": versions(rig, registry), "inputs": inputs}
+    save_observations(out / "observations.npz", observations, about)
+    return observations, inputs
+
+
+def _as_mapping(calibration: Calibration) -> dict[str, Any]:
+    import yaml
+
+    from rigcal.calibration_file import calibration_text
+
+    content: dict[str, Any] = yaml.safe_load(calibration_text(calibration))
+    return content

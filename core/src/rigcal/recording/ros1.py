@@ -1,0 +1,47 @@
+"""Messages of ROS 2 in the classes of ROS 1."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+
+from rigcal.errors import RecordingError
+from rigcal.recording import ros
+
+_HEADER = "std_msgs/msg/Header"
+
+
+def to_ros1(message: Any, type_name: str, seq: int = 0) -> Any:
+    """The same message as ROS 1 Noetic defines it; large arrays are shared, not copied.
+
+    Fields are matched by name whatever their case (CameraInfo's k is K in ROS 1). `seq` goes into
+    the message's own header, which ROS 2 no longer numbers. RecordingError for a type that ROS 1
+    does not have, or that has other fields there.
+    """
+    store = ros.ros1_typestore()
+    if type_name not in store.fielddefs:
+        raise RecordingError(f"'{type_name}' is not a message type of ROS 1: write an MCAP instead")
+    given = {name.lower(): value for name, value in vars(message).items() if name[:2] != "__"}
+    values = {}
+    for name, kind in store.fielddefs[type_name][1]:
+        if type_name == _HEADER and name == "seq":
+            values[name] = seq
+        elif name.lower() in given:
+            values[name] = _value(given[name.lower()], kind, seq)
+        else:
+            raise RecordingError(
+                f"'{type_name}' has a field '{name}' in ROS 1 that the message lacks: write an "
+                "MCAP instead"
+            )
+    return store.types[type_name](**values)
+
+
+def _value(value: Any, kind: Any, seq: int) -> Any:
+    node, detail = kind
+    if node == Nodetype.NAME:
+        return to_ros1(value, detail, seq if detail == _HEADER else 0)
+    if node == Nodetype.BASE:
+        return value
+    (item, name), _ = detail
+    return [to_ros1(v, name) for v in value] if item == Nodetype.NAME else value

@@ -37,7 +37,8 @@ def simulate(
 def encode(frame: NDArray[np.float64], config: Any, stamp_ns: int, frame_id: str) -> Any:
     from rigcal.recording import ros
 
-    return ros.laser_scan(frame, config, stamp_ns, frame_id)
+    header = ros.header(stamp_ns, frame_id)
+    return ros.make("sensor_msgs/msg/LaserScan", header=header, ranges=frame)
 
 
 def decode(message: Message, config: Any) -> NDArray[np.float64]:

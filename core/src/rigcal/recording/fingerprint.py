@@ -1,4 +1,4 @@
-"""Which recording a result came from."""
+"""Which data a result rests on: a hash over the content of a recording."""
 
 from __future__ import annotations
 
@@ -6,26 +6,41 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
+from rigcal.errors import RecordingError
 from rigcal.recording.message import Source
+from rigcal.recording.open import is_bag_folder
 
 
 def fingerprint(path: Path | str, sources: Iterable[Source] = ()) -> str:
-    """sha256 (hex) of a recording: of the file, or of names and contents of a folder's files.
+    """`sha256:...` of a file (a recording, a rig, a file of observations) or of a folder.
 
-    In a folder of files only those that the sources' globs match count.
+    A file: over its content. A folder: over name, size and content, in the order of their names,
+    of the files that the sources match; of all its files if no sources are given or if it is a
+    ROS 2 bag. RecordingError when it cannot be read or when a source matches nothing.
     """
     path = Path(path)
     digest = hashlib.sha256()
-    for file in _files(path, sources):
-        if path.is_dir():
-            digest.update(file.relative_to(path).as_posix().encode() + b"\0")
-        with file.open("rb") as stream:
-            digest.update(hashlib.file_digest(stream, "sha256").digest())
-    return digest.hexdigest()
+    try:
+        if not path.is_dir():
+            with path.open("rb") as file:
+                return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+        for name, file_path in sorted(_files(path, tuple(sources)).items()):
+            encoded = name.encode("utf-8", "surrogateescape")
+            digest.update(b"%d %s %d\n" % (len(encoded), encoded, file_path.stat().st_size))
+            with file_path.open("rb") as file:
+                digest.update(hashlib.file_digest(file, "sha256").digest())
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    return f"sha256:{digest.hexdigest()}"
 
 
-def _files(path: Path, sources: Iterable[Source]) -> list[Path]:
-    if path.is_file():
-        return [path]
-    globs = ["*"] if (path / "metadata.yaml").is_file() else [s.files for s in sources if s.files]
-    return sorted({p for glob in globs for p in path.glob(glob) if p.is_file()})
+def _files(root: Path, sources: tuple[Source, ...]) -> dict[str, Path]:
+    """Name relative to `root` -> file."""
+    if sources and not is_bag_folder(root):
+        from rigcal.recording.folder import FolderRecording
+
+        folder = FolderRecording(root)
+        found = [p for source in sources for p in folder.matches(source)]
+    else:
+        found = [p for p in root.rglob("*") if p.is_file()]
+    return {p.relative_to(root).as_posix(): p for p in found}

@@ -54,7 +54,7 @@ def _from_laser_scan(message: Message, config: Lrf2dConfig) -> Scan:
     0, negative, NaN, infinite ranges and those beyond the message's limits are no returns.
     """
     scan = message.value
-    ranges = np.asarray(scan.ranges, dtype=np.float64)
+    ranges: Array = np.asarray(scan.ranges, dtype=np.float64)
     first, step = float(scan.angle_min), float(scan.angle_increment)
     if len(ranges) == 0:
         raise RecordingError(f"{message.origin}: the LaserScan has no ranges")
@@ -73,7 +73,8 @@ def _from_laser_scan(message: Message, config: Lrf2dConfig) -> Scan:
     limits = (low, high) if high > low >= 0 else (0.0, np.inf)
     # The message holds floats: a range at the limit may be just beyond it in double.
     limits = (limits[0] * (1 - 1e-6), limits[1] * (1 + 1e-6))
-    return scan_from_polar(first + step * np.arange(len(ranges)), ranges, config, limits)
+    angles: Array = first + step * np.arange(len(ranges), dtype=np.float64)
+    return scan_from_polar(angles, ranges, config, limits)
 
 
 def _from_points(fields: Fields, message: Message, config: Lrf2dConfig) -> Scan:
@@ -84,7 +85,8 @@ def _from_points(fields: Fields, message: Message, config: Lrf2dConfig) -> Scan:
         _check_one_ring(np.asarray(fields["z"], np.float64)[finite], x[finite], y[finite], message)
     x, y = x[finite], y[finite]
     angles: Array = np.arctan2(y, x)
-    return scan_from_polar(angles, np.hypot(x, y), config)
+    ranges: Array = np.hypot(x, y)
+    return scan_from_polar(angles, ranges, config)
 
 
 def _check_one_ring(z: Array, x: Array, y: Array, message: Message) -> None:

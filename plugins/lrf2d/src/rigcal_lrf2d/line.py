@@ -56,7 +56,8 @@ class Line:
             return np.full((*self.d.shape, u.shape[-2]), noise.range_m)
         dot = np.minimum(self.incidence(u), -MIN_INCIDENCE)
         slope = self.d[..., None] / dot**2 * (u @ self.direction[..., None])[..., 0]
-        return np.hypot(noise.range_m, noise.angle_rad * slope)
+        result: Array = np.hypot(noise.range_m, noise.angle_rad * slope)
+        return result
 
     def whitened(self, u: Array, r: Array, noise: Noise) -> Array:
         """(N,) (measured - predicted range) / sigma; -inf where a beam never meets the line."""
@@ -122,6 +123,6 @@ def fit_line(u: Array, r: Array, noise: Noise, steps: int = 3) -> Line | None:
 def line_covariance(line: Line, u: Array, noise: Noise) -> Array:
     """(2, 2) covariance of a line fitted to beams u, over [angle of the normal (rad), d (m)]."""
     _, J = _jacobian(line, u)
-    J = J / line.sigma(u, noise)[:, None]
-    result: Array = np.linalg.inv(J.T @ J)
+    whitened: Array = J / line.sigma(u, noise)[:, None]
+    result: Array = np.linalg.inv(whitened.T @ whitened)
     return result

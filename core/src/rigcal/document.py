@@ -27,11 +27,15 @@ class Document:
 
     def where(self, path: Place) -> str:
         """`rig.yaml:12: sensors.cam0.topic`, with the line of the nearest key above if need be."""
-        known = path
-        while known and known not in self.lines:
-            known = known[:-1]
-        place = f"{self.name}:{self.lines[known]}" if known in self.lines else self.name
+        line = self.line(path)
+        place = f"{self.name}:{line}" if line else self.name
         return f"{place}: {dotted(path)}" if path else place
+
+    def line(self, path: Place) -> int:
+        """Line of a path, or of the nearest key above it; 0 where no lines are known."""
+        while path and path not in self.lines:
+            path = path[:-1]
+        return self.lines.get(path, 0)
 
 
 class Problems:
@@ -60,8 +64,8 @@ class Problems:
     def raise_if_any(self) -> None:
         """ConfigError listing everything found, in the order of the file's lines."""
         if self._found:
-            where, line = self.document.where, self.document.lines
-            ordered = sorted(self._found, key=lambda found: line.get(found[0], 0))
+            where = self.document.where
+            ordered = sorted(self._found, key=lambda found: self.document.line(found[0]))
             raise ConfigError("\n".join(f"{where(path)}: {text}" for path, text in ordered))
 
 

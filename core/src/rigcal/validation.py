@@ -35,7 +35,11 @@ def explain(
             missing.remove((*path[:-1], nearest[0]))
         guess = f"did you mean '{nearest[0]}'?" if nearest else f"known keys: {', '.join(known)}"
         problems.append((path, f"unknown key, {guess}"))
-    problems += [(path[:-1], f"key '{path[-1]}' is missing") for path in missing]
+    problems += [(m[:-1], f"key '{m[-1]}' is missing") for m in missing if isinstance(m[-1], str)]
+    lengths = {m[:-1]: m[-1] + 1 for m in missing if isinstance(m[-1], int)}
+    problems += [
+        (path, f"the list is too short, expected {n} items") for path, n in lengths.items()
+    ]
     return problems + others
 
 

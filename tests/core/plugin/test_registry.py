@@ -1,0 +1,210 @@
+"""A plugin that is wrong gets a named error, and never takes down what does not use it."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import pytest
+
+from rigcal.errors import PluginError
+from rigcal.observation import Detection
+from rigcal.plugin import Registry, SensorConfig, SensorType, hookimpl
+from rigcal.plugin.offer import HOOKS
+from rigcal.targets import BUILTIN_TARGETS, Target, TargetConfig, TargetType
+
+
+class SonarConfig(SensorConfig, frozen=True):
+    type: Literal["sonar"] = "sonar"
+
+
+class DiscConfig(TargetConfig, frozen=True):
+    type: Literal["disc"] = "disc"
+
+
+def _decode(message: object, config: object) -> object:
+    return message
+
+
+def _detect(frame: object, config: object, target: object) -> Detection:
+    return Detection((), "deaf")
+
+
+def _build(name: str, config: TargetConfig) -> Target:
+    raise NotImplementedError
+
+
+def _ping() -> None:
+    """Ping."""
+
+
+SONAR = SensorType("sonar", SonarConfig, (".csv",), _decode, _detect)
+DISC = TargetType("disc", DiscConfig, _build)
+UNBUILT = TargetType("disc", DiscConfig, 1)  # type: ignore[arg-type]
+
+
+def _plugin(hook: str, answer: object) -> object:
+    def run() -> Any:
+        return answer
+
+    run.__name__ = hook
+    return SimpleNamespace(__name__="fake", **{hook: hookimpl(run)})
+
+
+def _sensors(*types: object) -> object:
+    return _plugin("rigcal_sensor_types", list(types))
+
+
+def _sonar(**changes: Any) -> object:
+    return _sensors(replace(SONAR, **changes))
+
+
+def test_rigcal_sensor_types_are_collected() -> None:
+    registry = Registry([_sensors(SONAR)])
+    assert registry.sensor_type("sonar") is SONAR
+    assert list(registry.sensor_types) == ["sonar"]
+    assert registry.plugins[1].offers == "sensor type sonar"
+
+
+def test_rigcal_target_types_are_collected_beside_the_built_in_ones() -> None:
+    registry = Registry([_plugin("rigcal_target_types", [DISC])])
+    assert registry.target_type("disc") is DISC
+    assert set(registry.target_types) == {"disc", *(t.name for t in BUILTIN_TARGETS)}
+
+
+def test_rigcal_commands_are_collected() -> None:
+    registry = Registry([_plugin("rigcal_commands", [("ping", _ping)])])
+    assert registry.commands == {"ping": _ping}
+
+
+def test_every_hook_has_a_test_here() -> None:
+    tests = [name for name in globals() if name.startswith("test_")]
+    for hook in HOOKS:
+        assert any(name.startswith(f"test_{hook}") for name in tests), hook
+
+
+def test_registry_can_be_sent_to_another_process() -> None:
+    registry = pickle.loads(pickle.dumps(Registry([_sensors(SONAR)])))
+    assert registry.sensor_type("sonar") == SONAR
+
+
+class _Untyped(SensorConfig, frozen=True):
+    pass
+
+
+@pytest.mark.parametrize(
+    ("plugin", "message"),
+    [
+        (_plugin("rigcal_sensor_typs", []), "did you mean 'rigcal_sensor_types'"),
+        (_plugin("sensor_types", []), "did you mean 'rigcal_sensor_types'"),
+        (SimpleNamespace(rigcal_commands=_ping), "lacks the decorator"),
+        (SimpleNamespace(other=1), "implements no hook"),
+        (_sensors("sonar"), "offers 'sonar', expected a SensorType"),
+        (_sensors(DISC), "expected a SensorType"),
+        (_plugin("rigcal_sensor_types", SONAR), "returned a SensorType, expected a list"),
+        (_sonar(contract=99), "version 99 of the plugin contract"),
+        (_sonar(name="Sonar 2"), "'Sonar 2': a name has small letters"),
+        (_sonar(name="radar"), 'type: Literal["radar"] = "radar"'),
+        (_sonar(config=_Untyped), 'type: Literal["sonar"] = "sonar"'),
+        (_sonar(config=DiscConfig), "expected a SensorConfig class"),
+        (_sonar(message_types=".csv"), "expected a tuple of names"),
+        (_sonar(detect=None), "detect is None, not a function"),
+        (_sonar(residual=3), "residual is 3, not a function"),
+        (_plugin("rigcal_target_types", [UNBUILT]), "build is 1, not a function"),
+        (_plugin("rigcal_commands", [_ping]), "expected (name, function)"),
+    ],
+)
+def test_wrong_plugin_is_refused_with_its_mistake(plugin: object, message: str) -> None:
+    with pytest.raises(PluginError) as caught:
+        Registry([plugin])
+    assert message in str(caught.value)
+
+
+def test_hook_with_unknown_argument_is_refused() -> None:
+    def rigcal_commands(app: object) -> Sequence[Any]:
+        return []
+
+    with pytest.raises(PluginError, match="app"):
+        Registry([SimpleNamespace(rigcal_commands=hookimpl(rigcal_commands))])
+
+
+def test_unknown_type_names_the_nearest_and_the_installed() -> None:
+    with pytest.raises(PluginError, match=r"'sonarr', did you mean 'sonar'\? \(known: sonar\)"):
+        Registry([_sensors(SONAR)]).sensor_type("sonarr")
+
+
+Install = Callable[..., None]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Install a distribution with one plugin module, as pip would lay it out."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def run(distribution: str, source: str, entry: str = "acme") -> None:
+        module = distribution.replace("-", "_")
+        (tmp_path / f"{module}.py").write_text(source)
+        info = tmp_path / f"{module}-1.2.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.2\n"
+        )
+        (info / "entry_points.txt").write_text(f"[rigcal]\n{entry} = {module}\n")
+
+    return run
+
+
+DISC_SOURCE = """
+from typing import Literal
+from rigcal.plugin import hookimpl
+from rigcal.targets import TargetConfig, TargetType
+class DiscConfig(TargetConfig, frozen=True):
+    type: Literal["disc"] = "disc"
+def build(name, config): ...
+@hookimpl
+def rigcal_target_types(): return [TargetType("disc", DiscConfig, build)]
+"""
+
+
+def test_broken_plugin_is_left_out_and_named_only_where_it_matters(install: Install) -> None:
+    install("acme-disc", "import a_library_that_is_missing", entry="disc")
+    registry = Registry.from_entry_points()
+    assert registry.target_type("checkerboard").name == "checkerboard"
+    (broken,) = (b for b in registry.broken if b.distribution == "acme-disc")
+    assert (broken.name, broken.version) == ("disc", "1.2")
+    assert "ModuleNotFoundError: No module named 'a_library_that_is_missing'" in broken.error
+    with pytest.raises(PluginError, match="pip uninstall acme-disc"):
+        registry.target_type("disc")
+    with pytest.raises(PluginError, match=r"a broken plugin may have offered it: .*acme-disc"):
+        registry.target_type("hexagon")
+
+
+@pytest.mark.parametrize("source", ["raise SystemExit(3)", "def f(:", "1 / 0"])
+def test_plugin_may_fail_in_any_way(install: Install, source: str) -> None:
+    install("acme-exits", source)
+    assert "acme-exits" in {b.distribution for b in Registry.from_entry_points().broken}
+
+
+def test_name_offered_twice_is_an_error_for_who_asks_for_it(install: Install) -> None:
+    install("acme-disc", DISC_SOURCE)
+    install("other-disc", DISC_SOURCE)  # under the same entry point name
+    registry = Registry.from_entry_points()
+    assert "disc" not in registry.target_types
+    assert registry.target_type("charuco").name == "charuco"
+    with pytest.raises(PluginError) as caught:
+        registry.target_type("disc")
+    assert str(caught.value) == (
+        "target type 'disc' is offered by 'acme' of acme-disc 1.2 and by 'acme' of other-disc 1.2; "
+        "uninstall all but one of them"
+    )
+
+
+def test_equal_entry_point_names_of_different_plugins_both_work(install: Install) -> None:
+    install("acme-disc", DISC_SOURCE)
+    install("acme-ring", DISC_SOURCE.replace("disc", "ring"))
+    registry = Registry.from_entry_points()
+    assert {"disc", "ring"} <= set(registry.target_types)

@@ -123,6 +123,7 @@ def fit_line(u: Array, r: Array, noise: Noise, steps: int = 3) -> Line | None:
 def line_covariance(line: Line, u: Array, noise: Noise) -> Array:
     """(2, 2) covariance of a line fitted to beams u, over [angle of the normal (rad), d (m)]."""
     _, J = _jacobian(line, u)
-    whitened: Array = J / line.sigma(u, noise)[:, None]
-    result: Array = np.linalg.inv(whitened.T @ whitened)
+    whitened = J / line.sigma(u, noise)[:, None]
+    information: Array = whitened.T @ whitened
+    result: Array = np.asarray(np.linalg.inv(information), np.float64)
     return result

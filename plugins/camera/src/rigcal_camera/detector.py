@@ -1,0 +1,119 @@
+"""Image -> candidates for the target's pose, with the corners that it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigcal.errors import ConfigError
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.observation import Candidate, Detection, PoseGeometry
+from rigcal.targets.target import Target
+from rigcal_camera.chess import find_charuco_corners, find_checkerboard_corners
+from rigcal_camera.config import CameraConfig
+from rigcal_camera.corners import Corners
+from rigcal_camera.frames import Image
+from rigcal_camera.lens import Lens, lens_of
+from rigcal_camera.pose import PoseFit, fit_poses, refine_pose
+from rigcal_camera.tags import find_tag_corners
+
+_CLEARLY_WORSE = 16.0
+"""Chi-square by which the second planar pose must lose to be dropped (likelihood e^-8)."""
+
+Finder = Callable[[Image, Target, Lens], Corners]
+
+
+def detect(image: Image, config: CameraConfig, target: Target) -> Detection:
+    """Every pose of the target that explains the corners found in the image.
+
+    More than one candidate: the pattern looks the same when turned (`target.symmetries`; equal
+    scores), or the view does not tell the two poses of a plane apart. `score` is the
+    log-likelihood against the best one. `measurement`: `uv` (M, 2) pixels, `index` (M,) into
+    `target.points`, `sigma_px` the corner noise estimated from the residual.
+    """
+    lens = lens_of(config)
+    corners = _find(image, target, lens)
+    if len(corners) < config.min_corners:
+        reason = f"found {len(corners)} corners, min_corners is {config.min_corners}"
+        return Detection((), reason=corners.reason or reason)
+    identity = np.arange(len(target.points))
+    labellings = [labels[corners.index] for labels in (identity, *target.symmetries)]
+    fits = [
+        (index, fit)
+        for index in labellings
+        for fit in fit_poses(lens, target.points[index], corners.uv)
+    ]
+    if not fits:
+        return Detection(
+            (), reason=f"{len(corners)} corners found, but no pose of '{target.name}' explains them"
+        )
+    best = min((fit for _, fit in fits), key=lambda fit: fit.sum_of_squares)
+    kept = int(best.inliers.sum())
+    if kept < max(config.min_corners, len(corners) / 2):
+        return Detection(
+            (),
+            reason=f"the best pose explains only {kept} of {len(corners)} corners "
+            f"(min_corners {config.min_corners}, and at least half of them)",
+        )
+    sigma = max(config.sigma_px, best.sigma_px)
+    candidates = []
+    for index, fit in fits:
+        loss = (fit.sum_of_squares - best.sum_of_squares) / sigma**2
+        if loss < _CLEARLY_WORSE and fit.inliers.sum() == kept:
+            candidates.append(_candidate(index, corners, fit, config, -0.5 * loss))
+    candidates.sort(key=lambda candidate: -candidate.score)
+    return Detection(tuple(candidates))
+
+
+def _find(image: Image, target: Target, lens: Lens) -> Corners:
+    if target.find is not None:
+        index, uv = target.find(image)
+        return Corners(np.asarray(index, dtype=np.int64), np.asarray(uv, dtype=np.float64))
+    kind = target.config.type
+    if "tag_corners" in target.groups:
+        finder: Finder = find_tag_corners
+    elif kind == "checkerboard":
+        finder = find_checkerboard_corners
+    elif kind == "charuco":
+        finder = find_charuco_corners
+    else:
+        raise ConfigError(
+            f"target '{target.name}': cameras do not know targets of type '{kind}', and it brings "
+            "no `find` of its own (known: apriltag_grid, checkerboard, charuco)"
+        )
+    return finder(image, target, lens)
+
+
+def observe(
+    T_s_t: Array, config: CameraConfig, target: Target, rng: np.random.Generator
+) -> Candidate | None:
+    """What a flawless detector reports of a target in plain view, with noise of `sigma_px`.
+
+    None when the camera looks at its back or sees fewer than `min_corners` of its points.
+    """
+    lens = lens_of(config)
+    p_s = se3.apply(T_s_t, target.points)
+    index = np.flatnonzero(lens.sees(p_s)).astype(np.int64)
+    if len(index) < config.min_corners or se3.inverse(T_s_t)[2, 3] <= 0:
+        return None
+    uv = lens.pixels_from_points(p_s[index])[0]
+    uv = uv + rng.normal(scale=config.sigma_px, size=uv.shape)
+    fit = refine_pose(lens, T_s_t, target.points[index], uv)
+    if fit is None:
+        return None
+    return _candidate(index, Corners(index, uv), fit, config, 0.0)
+
+
+def _candidate(
+    index: NDArray[np.int64], corners: Corners, fit: PoseFit, config: CameraConfig, score: float
+) -> Candidate:
+    covariance = np.asarray(np.linalg.inv(fit.information), np.float64) * config.sigma_px**2
+    measurement = {
+        "uv": corners.uv[fit.inliers],
+        "index": index[fit.inliers],
+        "sigma_px": np.array(fit.sigma_px),
+    }
+    return Candidate(PoseGeometry(fit.T_s_t, covariance), measurement, round(score, 3))

@@ -1,0 +1,67 @@
+"""Reprojection of every detected corner through the camera's own lens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.observation import Candidate
+from rigcal.targets.target import Target
+from rigcal_camera.config import CameraConfig
+from rigcal_camera.lens import Lens, lens_of
+
+_UNSEEN_PX = 1e4
+"""Error given to a corner behind the camera: finite, and large enough for a step to be undone."""
+
+
+def reprojection(lens: Lens, T_s_t: Array, p_t: Array, uv: Array) -> tuple[Array, Array]:
+    """Errors (N, 2) [px], predicted minus measured, and their derivative (N, 2, 6).
+
+    The derivative is by a right perturbation of `T_s_t`: `p_s = T_s_t p_t`, so
+    `dp_s = R (v + w x p_t) = R [-[p_t]x, I] [w, v]`. Points that cannot be imaged have an error of
+    10 000 px on both axes and no derivative.
+    """
+    p_s = se3.apply(T_s_t, p_t)
+    predicted, J_point, valid = lens.pixels_from_points(p_s)
+    J_translation = J_point @ T_s_t[:3, :3]
+    J = np.concatenate([-J_translation @ se3.skew(p_t), J_translation], axis=2)
+    return np.where(valid[:, None], predicted - uv, _UNSEEN_PX), J
+
+
+@dataclass(frozen=True, eq=False)
+class ReprojectionResidual:
+    """Whitened reprojection errors u0, v0, u1, v1, ... of the corners of one view."""
+
+    lens: Lens
+    p_t: Array
+    uv: Array
+    sigma_px: float
+    block: int = 2
+
+    @property
+    def dof(self) -> int:
+        """Two per corner."""
+        return 2 * len(self.uv)
+
+    def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
+        """R (2M,) and J (2M, 6) at `T_s_t`."""
+        error, J = reprojection(self.lens, T_s_t, self.p_t, self.uv)
+        return error.ravel() / self.sigma_px, J.reshape(-1, 6) / self.sigma_px
+
+
+def make_residual(
+    candidate: Candidate, config: CameraConfig, target: Target
+) -> ReprojectionResidual:
+    """The residual of one candidate, whitened by the camera's `sigma_px`."""
+    uv = np.asarray(candidate.measurement["uv"], dtype=np.float64)
+    p_t = target.points[np.asarray(candidate.measurement["index"])]
+    return ReprojectionResidual(lens_of(config), p_t, uv, config.sigma_px)
+
+
+def errors(candidate: Candidate, config: CameraConfig, target: Target, T_s_t: Array) -> Array:
+    """Reprojection errors (M, 2) in pixels, predicted minus measured."""
+    residual = make_residual(candidate, config, target)
+    return reprojection(residual.lens, T_s_t, residual.p_t, residual.uv)[0]

@@ -1,0 +1,208 @@
+"""Simulated grey images: the printed board through the lens, in front of plain surfaces."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.scene import Scene, Surface
+from rigcal_camera.config import CameraConfig
+from rigcal_camera.frames import Image
+from rigcal_camera.lens import Lens, lens_of
+from rigcal_camera.texture import texture_of
+
+FloatImage = NDArray[np.float32]
+
+_BLACK, _WHITE = 20.0, 230.0
+"""Grey of black and white surfaces: noise does not clip."""
+_SUBSAMPLES = 3
+_COARSE_PX = 8
+_SKY = 0.35
+_OUTLINE_STEPS = 24
+_MAX_BACKGROUNDS = 32
+
+_backgrounds: OrderedDict[tuple[object, ...], FloatImage] = OrderedDict()
+
+
+def simulate(T_w_s: Array, scene: Scene, config: CameraConfig, rng: np.random.Generator) -> Image:
+    """The grey image (H, W) that a camera at `T_w_s` takes of the scene.
+
+    Each pixel of the board's region is the mean of 3 x 3 rays through the lens that meet the
+    printed face in its area-averaged texture; then blur, occlusion by nearer surfaces, and noise.
+    The other surfaces are drawn at an eighth of the resolution: they carry no corners.
+    """
+    import cv2
+
+    image: FloatImage = _background(T_w_s, scene, config).copy()
+    if scene.T_w_t is not None:
+        _draw_board(image, T_w_s, scene, config)
+    if config.sim_noise_grey > 0:
+        noise = rng.standard_normal(image.shape, dtype=np.float32)
+        image += np.float32(config.sim_noise_grey) * noise
+    return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0, out=image)), dtype=np.uint8)
+
+
+def _grey(level: NDArray[Any]) -> FloatImage:
+    return (_BLACK + level * (_WHITE - _BLACK)).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def _rays(lens: Lens) -> FloatImage:
+    """Unit directions (H, W, 3) of all pixels; NaN where the lens sees nothing."""
+    uv = np.stack(np.meshgrid(np.arange(lens.width), np.arange(lens.height)), axis=-1)
+    rays = lens.rays_from_pixels(uv.reshape(-1, 2).astype(np.float64))
+    return rays.reshape(lens.height, lens.width, 3).astype(np.float32)
+
+
+def _background(T_w_s: Array, scene: Scene, config: CameraConfig) -> FloatImage:
+    """Grey of everything but the board (H, W), at reduced resolution; kept for still scenes."""
+    import cv2
+
+    lens = lens_of(config)
+    key = (lens, T_w_s.tobytes(), *map(_surface_key, scene.surfaces))
+    if key in _backgrounds:
+        _backgrounds.move_to_end(key)
+        return _backgrounds[key]
+    u = np.arange(0, lens.width + _COARSE_PX, _COARSE_PX)
+    v = np.arange(0, lens.height + _COARSE_PX, _COARSE_PX)
+    directions = lens.rays_from_pixels(np.stack(np.meshgrid(u, v), -1).reshape(-1, 2).astype(float))
+    seen = np.isfinite(directions[:, 0])
+    _, hit = replace(scene, T_w_t=None).cast(T_w_s[:3, 3], directions[seen] @ T_w_s[:3, :3].T)
+    greys = np.array([_SKY, 0.0, *(surface.grey for surface in scene.surfaces)])
+    coarse = np.zeros(len(directions), dtype=np.float32)
+    coarse[seen] = _grey(greys[hit + 1])
+    enlarged = cv2.warpAffine(
+        coarse.reshape(len(v), len(u)),
+        np.array([[1 / _COARSE_PX, 0, 0], [0, 1 / _COARSE_PX, 0]]),
+        (lens.width, lens.height),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+    )
+    background: FloatImage = np.asarray(enlarged, dtype=np.float32)
+    _backgrounds[key] = background
+    if len(_backgrounds) > _MAX_BACKGROUNDS:
+        _backgrounds.popitem(last=False)
+    return background
+
+
+def _surface_key(surface: Surface) -> tuple[object, ...]:
+    return (surface.T_w_f.tobytes(), surface.polygon.tobytes(), surface.grey)
+
+
+def _draw_board(image: FloatImage, T_w_s: Array, scene: Scene, config: CameraConfig) -> None:
+    import cv2
+
+    assert scene.T_w_t is not None
+    lens = lens_of(config)
+    T_s_t = se3.inverse(T_w_s) @ scene.T_w_t
+    margin = 3 + int(np.ceil(4 * config.sim_blur_px))
+    region = _region(lens, T_s_t, scene.target.outline_points, margin)
+    if region is None:
+        return
+    rows, columns = region
+    rays = _rays(lens)[rows, columns]
+    face, cover = _board(rays, T_s_t, scene)
+    visible = _unoccluded(rays, T_w_s, scene)
+    if visible is not None:
+        cover = cover * visible
+    patch = image[rows, columns]
+    patch = patch + cover * (_grey(face / np.float32(255)) - patch)
+    if config.sim_blur_px > 0:
+        border = cv2.BORDER_REPLICATE
+        image[rows, columns] = cv2.GaussianBlur(
+            patch, (0, 0), config.sim_blur_px, borderType=border
+        )
+    else:
+        image[rows, columns] = patch
+
+
+def _region(lens: Lens, T_s_t: Array, outline: Array, margin: int) -> tuple[slice, slice] | None:
+    """Rows and columns of the image that the board can touch."""
+    share = np.linspace(0, 1, _OUTLINE_STEPS)[:, None, None]
+    grid = outline[0] + share * (outline[1] - outline[0])
+    grid = grid + share.swapaxes(0, 1) * (outline[3] - outline[0])
+    p_s = se3.apply(T_s_t, grid.reshape(-1, 3))
+    uv, _, valid = lens.pixels_from_points(p_s)
+    angle = np.arctan2(np.hypot(p_s[:, 0], p_s[:, 1]), p_s[:, 2])
+    valid &= angle <= lens.max_angle
+    if not valid.any():
+        return None
+    low, high = uv[valid].min(axis=0) - margin, uv[valid].max(axis=0) + margin
+    if not valid.all():
+        # The board reaches out of the lens's field: how far is not in the points projected.
+        low, high = np.zeros(2), np.array([lens.width, lens.height], dtype=np.float64)
+    low = np.clip(np.floor(low), 0, [lens.width, lens.height]).astype(int)
+    high = np.clip(np.ceil(high) + 1, 0, [lens.width, lens.height]).astype(int)
+    if (high <= low).any():
+        return None
+    return slice(low[1], high[1]), slice(low[0], high[0])
+
+
+def _board(rays: FloatImage, T_s_t: Array, scene: Scene) -> tuple[FloatImage, FloatImage]:
+    """Print (H, W) in 0..255 and share of each pixel that the board covers (H, W)."""
+    import cv2
+
+    height, width = rays.shape[:2]
+    T_t_s = se3.inverse(T_s_t)
+    origin = T_t_s[:3, 3]
+    d_t = rays.astype(np.float64) @ T_t_s[:3, :3].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = -origin[2] / d_t[..., 2]
+        xy = origin[:2] + t[..., None] * d_t[..., :2]
+    xy[~(t > 0)] = 1e6
+    # Relative to the board's size: the maps below are 32-bit.
+    xy = np.clip(xy, -1e3, 1e3).astype(np.float32)
+    size = (width * _SUBSAMPLES, height * _SUBSAMPLES)
+    fine = cv2.resize(xy, size, interpolation=cv2.INTER_LINEAR)
+    inside = _inside(fine, scene.target.outline)
+    if origin[2] > 0:
+        face = texture_of(scene.target).sample(fine, _footprint(xy, scene) / _SUBSAMPLES)
+    else:
+        face = np.full(fine.shape[:2], 255, dtype=np.uint8)
+    covered = inside.astype(np.float32)
+    shrink = (width, height)
+    cover = np.asarray(cv2.resize(covered, shrink, interpolation=cv2.INTER_AREA), np.float32)
+    weighted = cv2.resize(face * covered, shrink, interpolation=cv2.INTER_AREA)
+    return (weighted / np.maximum(cover, 1e-6)).astype(np.float32), cover
+
+
+def _inside(xy: FloatImage, outline: Array) -> NDArray[np.bool_]:
+    inside = np.ones(xy.shape[:2], dtype=bool)
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        dx, dy = (end - start).astype(np.float32)
+        inside &= dx * (xy[..., 1] - start[1]) - dy * (xy[..., 0] - start[0]) >= 0
+    return inside
+
+
+def _footprint(xy: FloatImage, scene: Scene) -> float:
+    """Smaller side (m) of a pixel's patch of the board, its median over the board."""
+    across = np.linalg.norm(np.diff(xy, axis=1)[:-1], axis=2)
+    down = np.linalg.norm(np.diff(xy, axis=0)[:, :-1], axis=2)
+    inside = _inside(xy[:-1, :-1], scene.target.outline)
+    if not inside.any():
+        return 0.0
+    return float(min(np.median(across[inside]), np.median(down[inside])))
+
+
+def _unoccluded(rays: FloatImage, T_w_s: Array, scene: Scene) -> FloatImage | None:
+    """Which pixels (H, W) show no surface before the board; None: there is none."""
+    assert scene.T_w_t is not None
+    outline = se3.apply(scene.T_w_t, scene.target.outline_points)
+    between = []
+    for surface in scene.surfaces:
+        T_f_w = se3.inverse(surface.T_w_f)
+        camera, board = se3.apply(T_f_w, T_w_s[:3, 3])[2], se3.apply(T_f_w, outline)[:, 2]
+        if (board * camera < 0).any():
+            between.append(surface)
+    if not between:
+        return None
+    directions = rays.reshape(-1, 3).astype(np.float64) @ T_w_s[:3, :3].T
+    directions = np.nan_to_num(directions)
+    _, hit = replace(scene, surfaces=tuple(between)).cast(T_w_s[:3, 3], directions)
+    return (hit <= 0).astype(np.float32).reshape(rays.shape[:2])

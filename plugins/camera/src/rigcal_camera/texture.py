@@ -1,0 +1,105 @@
+"""The printed board as a picture with exact edges, and its area-averaged reductions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigcal.geometry.se3 import Array
+from rigcal.targets.target import Patch, Target
+from rigcal_camera.frames import Image
+
+_TEXEL_M = 1e-3 / 3
+_MAX_TEXELS = 8000
+_MARGIN = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """The board's face, row 0 at the top; level k is level 0 averaged over 2^k x 2^k texels.
+
+    `origin` (2,) is the target-frame position of the top-left corner of the top-left texel,
+    `texel_m` the width of a texel of level 0.
+    """
+
+    levels: tuple[Image, ...]
+    origin: Array
+    texel_m: float
+
+    def sample(self, xy: NDArray[np.float32], footprint_m: float) -> Image:
+        """Print (H, W) in 0..255 at target-frame positions (H, W, 2), averaged over a footprint.
+
+        The level's texels are at most `footprint_m` wide; its texel i has its centre at
+        `origin + (i + 0.5) * width`, so that no level shifts an edge.
+        """
+        import cv2
+
+        level = int(np.floor(np.log2(max(footprint_m / self.texel_m, 1.0))))
+        level = min(level, len(self.levels) - 1)
+        width = self.texel_m * 2**level
+        column = ((xy[..., 0] - self.origin[0]) / width - 0.5).astype(np.float32)
+        row = ((self.origin[1] - xy[..., 1]) / width - 0.5).astype(np.float32)
+        sampled = cv2.remap(
+            self.levels[level], column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(sampled, dtype=np.uint8)
+
+
+_cache: WeakKeyDictionary[Target, Texture] = WeakKeyDictionary()
+
+
+def texture_of(target: Target) -> Texture:
+    """The texture of a target, at 3 texels per mm (fewer on boards above 2.6 m), made once."""
+    if target not in _cache:
+        _cache[target] = _render(target)
+    return _cache[target]
+
+
+def _render(target: Target) -> Texture:
+    texel = max(_TEXEL_M, float(target.size.max()) / _MAX_TEXELS)
+    low, high = target.outline.min(axis=0), target.outline.max(axis=0)
+    columns, rows = np.ceil((high - low) / texel).astype(int) + 2 * _MARGIN
+    origin = np.array([low[0], high[1]]) + np.array([-_MARGIN, _MARGIN]) * texel
+    image = np.full((rows, columns), 255, dtype=np.uint8)
+    for patch in target.patches:
+        _paint(image, patch, origin, texel)
+    return Texture(_reductions(image), origin, texel)
+
+
+def _paint(image: Image, patch: Patch, origin: Array, texel: float) -> None:
+    """Paints a convex polygon; border texels by the share that it covers.
+
+    The share is the product over the edges of the clipped distance: exact for rectangles along
+    the axes.
+    """
+    polygon = (patch.polygon - origin) * np.array([1.0, -1.0]) / texel
+    low = np.maximum(np.floor(polygon.min(axis=0)).astype(int), 0)
+    high = np.minimum(np.ceil(polygon.max(axis=0)).astype(int), image.shape[::-1])
+    if (high <= low).any():
+        return
+    x = np.arange(low[0], high[0], dtype=np.float32)[None, :] + np.float32(0.5)
+    y = np.arange(low[1], high[1], dtype=np.float32)[:, None] + np.float32(0.5)
+    cover: NDArray[np.float32] = np.ones((y.size, x.size), dtype=np.float32)
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        dx, dy = (end - start) / np.linalg.norm(end - start)
+        # Anticlockwise seen with y up is clockwise with y down: the inside is on the right.
+        inside = np.float32(dx) * (start[1] - y) - np.float32(dy) * (start[0] - x)
+        cover *= np.clip(inside + 0.5, 0, 1)
+    area = image[low[1] : high[1], low[0] : high[0]]
+    area[...] = np.round(area + cover * (255 * patch.grey - area.astype(np.float32)))
+
+
+def _reductions(image: Image) -> tuple[Image, ...]:
+    import cv2
+
+    levels = [image]
+    while min(levels[-1].shape) > 8:
+        last = levels[-1]
+        last = np.pad(last, [(0, size % 2) for size in last.shape], mode="edge")
+        height, width = last.shape
+        half = cv2.resize(last, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+        levels.append(np.asarray(half, dtype=np.uint8))
+    return tuple(levels)

@@ -1,1 +1,41 @@
-"""lrf3d"""
+"""3D lasers for rigcal: board segmentation, range residuals, simulation."""
+
+from __future__ import annotations
+
+import rigcal.plugin as rp
+from rigcal.plugin.contract import SensorType
+from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode
+from rigcal_lrf3d.config import Lrf3dConfig, MultibeamScan, SpinningScan
+from rigcal_lrf3d.detector import detect
+from rigcal_lrf3d.residual import errors, residual
+from rigcal_lrf3d.simulator import MESSAGE_TYPE, encode, sees, simulate
+
+__all__ = [
+    "LRF3D",
+    "Cloud",
+    "Lrf3dConfig",
+    "MultibeamScan",
+    "SpinningScan",
+    "rigcal_sensor_types",
+]
+
+LRF3D = SensorType(
+    name="lrf3d",
+    config=Lrf3dConfig,
+    message_types=MESSAGE_TYPES,
+    decode=decode,
+    detect=detect,
+    residual=residual,
+    errors=errors,
+    unit="m",
+    simulate=simulate,
+    encode=encode,
+    message_type=MESSAGE_TYPE,
+    sees=sees,
+)
+
+
+@rp.hookimpl
+def rigcal_sensor_types() -> list[SensorType]:
+    """The one sensor type of this package."""
+    return [LRF3D]

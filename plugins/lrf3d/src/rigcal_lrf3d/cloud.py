@@ -1,0 +1,73 @@
+"""Messages and files -> Cloud."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigcal.errors import RecordingError
+from rigcal.geometry.se3 import Array
+from rigcal.recording.cloud import CLOUD_TYPES, read_cloud
+from rigcal.recording.message import Message
+from rigcal_lrf3d.config import Lrf3dConfig
+
+MESSAGE_TYPES = tuple(CLOUD_TYPES)
+
+_ZERO_M = 1e-6
+"""Drivers write missing returns as points at the origin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """The returns of one exposure: `points` (N, 3), sensor frame, m, in no particular order."""
+
+    points: Array
+
+
+def decode(message: Message, config: Lrf3dConfig) -> Cloud:
+    """The points of a PointCloud2 or cloud file that are finite, not at the origin, within the
+    config's ranges and kept by its filter.
+
+    RecordingError if the message has no x, y, z, or if its filter names a field that is not there
+    or keeps nothing. A cloud without returns is no error: `detect` says so.
+    """
+    fields = read_cloud(message)
+    missing = [name for name in ("x", "y", "z") if name not in fields]
+    if missing:
+        raise RecordingError(
+            f"{message.origin}: the points have the fields {', '.join(fields)}; "
+            f"expected x, y and z ({', '.join(missing)} missing)"
+        )
+    points = np.column_stack([np.asarray(fields[k], np.float64).ravel() for k in ("x", "y", "z")])
+    keep = _passes_filter(fields, message, config)
+    with np.errstate(invalid="ignore", over="ignore"):
+        ranges = np.linalg.norm(points, axis=1)
+    keep &= np.isfinite(ranges) & (ranges > max(config.range_min_m or 0.0, _ZERO_M))
+    keep &= ranges <= (config.range_max_m or np.inf)
+    return Cloud(points[keep])
+
+
+def _passes_filter(
+    fields: Mapping[str, NDArray[Any]], message: Message, config: Lrf3dConfig
+) -> NDArray[np.bool_]:
+    """(N,) which points have the values, or lie in the ranges, of the config's filter."""
+    keep = np.ones(np.asarray(fields["x"]).size, dtype=bool)
+    for name, wanted in config.filter.items():
+        if name not in fields:
+            raise RecordingError(
+                f"{message.origin}: filter names the field {name!r}, but the points have "
+                f"{', '.join(fields)}"
+            )
+        values = np.asarray(fields[name]).ravel()
+        low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
+        keep &= (values >= low) & (values <= high)
+        if len(values) and not keep.any():
+            raise RecordingError(
+                f"{message.origin}: filter {dict(config.filter)} keeps none of the {len(values)} "
+                f"points; {name} goes from {values.min():g} to {values.max():g}"
+            )
+    return keep

@@ -1,0 +1,159 @@
+"""The most likely plane of laser returns, from the errors of their ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigcal.geometry.se3 import Array
+from rigcal.geometry.shapes import fit_plane, tangent_basis
+from rigcal_lrf3d.config import Lrf3dConfig
+
+_TRIM = 3.5
+"""Returns farther from the plane than this many sigmas are no part of the board."""
+
+_CELL_BIAS = 1.2
+"""How far (in sigmas) the mean error on a small part of the board may lie off."""
+
+_MAX_SCALE = 2.5
+"""How far the trimming may widen when the returns are noisier than the rig file says."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """`n . p + d = 0` with d >= 0, its covariance (see `rigcal.observation.PlaneGeometry`) about
+    `center` (3,), the points that gave it, and their rms error in sigmas.
+    """
+
+    normal: Array
+    d: float
+    center: Array
+    covariance: Array
+    inliers: NDArray[np.bool_]
+    rms: float
+
+
+def beams(points: Array) -> tuple[Array, Array]:
+    """Ranges (N,) and unit directions (N, 3) from the sensor's origin to points (N, 3)."""
+    ranges = np.linalg.norm(points, axis=1)
+    return ranges, points / ranges[:, None]
+
+
+def range_sigma(ranges: Array, cosine: Array, config: Lrf3dConfig) -> Array:
+    """(N,) noise of the ranges (m): their own, and what the beams' angle noise adds on a plane.
+
+    `cosine` (N,) is `n . rho`. A beam turned by e meets the plane `r tan(incidence) e` farther.
+    """
+    tangent = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.abs(cosine)
+    result: Array = np.hypot(config.sigma_m, ranges * tangent * np.radians(config.sigma_angle_deg))
+    return result
+
+
+def range_errors(points: Array, n: Array, d: float) -> tuple[Array, Array]:
+    """Measured minus expected range (N,) of beams from the origin, and `n . rho` (N,).
+
+    The expected range is `t = -d / (n . rho)` (MSG-Cal, eq. 4.12 with p0 = 0).
+    """
+    ranges, directions = beams(points)
+    cosine = directions @ n
+    cosine = np.where(np.abs(cosine) < 1e-6, -1e-6, cosine)
+    return ranges + d / cosine, cosine
+
+
+def beam_feet(points: Array, n: Array, d: float) -> Array:
+    """(N, 3) where the beams from the origin to points (N, 3) meet a plane.
+
+    To choose points by their beams, and not by themselves, keeps the choice free of their noise.
+    """
+    error, _ = range_errors(points, n, d)
+    return points - error[:, None] * beams(points)[1]
+
+
+def fit(points: Array, n: Array, d: float, config: Lrf3dConfig, cell: float) -> Plane | None:
+    """The plane of points (N, 3) by maximum likelihood, starting from `n . p + d = 0`.
+
+    Gauss-Newton on the range errors over [tilt about the two columns of `tangent_basis(n)`, offset
+    along n at the centre]; after each step the returns beyond 3.5 sigma (mixed pixels at edges,
+    hands) are dropped and those within taken back; so are all of a square of `cell` (m) whose mean
+    is off (a finger is too near for a single return to tell). None if too few returns remain.
+    """
+    inliers = np.abs(points @ n + d) < 2 * _TRIM * config.sigma_m
+    for _ in range(8):
+        if inliers.sum() < 6:
+            return None
+        n, d, center, covariance, rms = _step(points[inliers], n, d, config)
+        error, cosine = range_errors(points, n, d)
+        whitened = error / range_sigma(np.linalg.norm(points, axis=1), cosine, config)
+        scale = np.clip(1.4826 * np.median(np.abs(whitened[inliers])), 1.0, _MAX_SCALE)
+        near = np.abs(whitened) < _TRIM * scale
+        previous, inliers = (
+            inliers,
+            near & _in_good_cells(beam_feet(points, n, d), n, whitened / scale, near, cell),
+        )
+        if np.array_equal(previous, inliers):
+            break
+    if inliers.sum() < 6:
+        return None
+    for _ in range(2):
+        n, d, center, covariance, rms = _step(points[inliers], n, d, config)
+    return Plane(n, d, center, covariance, inliers, rms)
+
+
+def _step(
+    points: Array, n: Array, d: float, config: Lrf3dConfig
+) -> tuple[Array, float, Array, Array, float]:
+    """One Gauss-Newton step: n, d, center, covariance, rms of the whitened errors before it.
+
+    The derivative of a range error by the plane is `[q; 1] / (n . rho)`, q where the beam meets
+    the plane.
+    """
+    error, cosine = range_errors(points, n, d)
+    ranges, directions = beams(points)
+    sigma = range_sigma(ranges, cosine, config)
+    q = points - error[:, None] * directions
+    center = points.mean(axis=0)
+    center = center - (n @ center + d) * n
+    basis = tangent_basis(n)
+    tilt = np.cross(basis.T, n)  # n changes by a x n, and d so that the plane turns about center
+    J = np.column_stack([(q - center) @ tilt.T, -np.ones(len(q))]) / (cosine * sigma)[:, None]
+    information = J.T @ J
+    covariance = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(3))
+    a1, a2, offset = -covariance @ (J.T @ (error / sigma))
+    n_new = n + a1 * tilt[0] + a2 * tilt[1]
+    n_new /= np.linalg.norm(n_new)
+    center = center + offset * n
+    d_new = -float(n_new @ center)
+    if d_new < 0:
+        n_new, d_new = -n_new, -d_new
+    return n_new, d_new, center, covariance, float(np.sqrt(np.mean((error / sigma) ** 2)))
+
+
+def _in_good_cells(
+    feet: Array, n: Array, whitened: Array, near: NDArray[np.bool_], cell: float
+) -> NDArray[np.bool_]:
+    """Which beams, by their feet (N, 3), lie in squares whose mean error is that of a board.
+
+    A mean of k errors is off beyond `_CELL_BIAS + 3.5 / sqrt(k)` sigmas: the first part is what
+    rings of a multi-beam laser differ by.
+    """
+    bins = np.floor(feet @ tangent_basis(n) / cell).astype(np.int64)
+    bins -= bins.min(axis=0)
+    index = bins[:, 0] * (bins[:, 1].max() + 1) + bins[:, 1]
+    count = np.maximum(np.bincount(index[near], minlength=int(index.max()) + 1), 1)
+    mean = np.bincount(index[near], whitened[near], minlength=len(count)) / count
+    good: NDArray[np.bool_] = np.abs(mean) < _CELL_BIAS + _TRIM / np.sqrt(count)
+    result: NDArray[np.bool_] = good[index]
+    return result
+
+
+def coarse(points: Array, thickness: float) -> tuple[Array, float]:
+    """Total-least-squares plane of points (M, 3), without those farther off than `thickness`."""
+    n, d = fit_plane(points)
+    for _ in range(5):
+        near = np.abs(points @ n + d) < thickness
+        if near.all() or near.sum() < 6:
+            break
+        n, d = fit_plane(points[near])
+    return n, d

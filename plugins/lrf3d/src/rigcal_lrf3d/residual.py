@@ -1,0 +1,56 @@
+"""Residuals of a plane candidate's returns as functions of the target's pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rigcal.errors import ObservationError
+from rigcal.geometry.se3 import Array
+from rigcal.geometry.shapes import plane_of_target
+from rigcal.observation import Candidate, PlaneGeometry
+from rigcal.plugin.contract import Residual
+from rigcal.residual import beam_residual
+from rigcal.targets.target import Target
+from rigcal_lrf3d.config import Lrf3dConfig
+from rigcal_lrf3d.plane import beams, range_errors, range_sigma
+
+
+def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Residual:
+    """Whitened errors of the candidate's returns against the plane of the target, in 3 rows.
+
+    Where the beams start at the sensor: measured range minus the range at which each beam meets
+    the plane. Otherwise: distance from the plane, with the part of the range noise that falls on
+    the plane's normal; for that part the direction of the beam is taken as from the origin.
+    """
+    points, geometry = _points(candidate), candidate.geometry
+    if not isinstance(geometry, PlaneGeometry):
+        raise ObservationError(
+            f"a 3D laser's candidate has {type(geometry).__name__}, expected PlaneGeometry"
+        )
+    n, d = geometry.normal, geometry.d
+    ranges, directions = beams(points)
+    cosine = directions @ n
+    sigma = range_sigma(ranges, cosine, config)
+    if config.beams_start_at_sensor:
+        return beam_residual(directions, ranges, sigma, n, d)
+    # A beam of unit length that falls on the plane along its normal measures the distance.
+    down = np.broadcast_to(-n, points.shape)
+    return beam_residual(
+        down, np.ones(len(points)), sigma * np.abs(cosine), n, d, origins=points + n
+    )
+
+
+def errors(candidate: Candidate, config: Lrf3dConfig, target: Target, T_s_t: Array) -> Array:
+    """(N,) errors of the candidate's returns (m): along the beams where they start at the sensor
+    (measured minus expected range), else distances from the target's plane (positive behind it).
+    """
+    points = _points(candidate)
+    n, d = plane_of_target(T_s_t)
+    if config.beams_start_at_sensor:
+        return range_errors(points, n, float(d))[0]
+    result: Array = -(points @ n + d)
+    return result
+
+
+def _points(candidate: Candidate) -> Array:
+    return np.asarray(candidate.measurement["points"], dtype=np.float64)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rigcal.calibration_file import load_calibration, save_calibration
     from rigcal.detect import detect
     from rigcal.errors import RigcalError
-    from rigcal.evaluate import Evaluation, evaluate
+    from rigcal.evaluation import Evaluation, evaluate
     from rigcal.observation import Observation
     from rigcal.observation_file import load_observations, save_observations
     from rigcal.plugin.registry import Registry
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Calibration": "calibration",
-    "Evaluation": "evaluate",
+    "Evaluation": "evaluation",
     "Observation": "observation",
     "Registry": "plugin.registry",
     "Rig": "rig",
@@ -40,7 +40,7 @@ _HOME = {
     "SensorResult": "calibration",
     "calibrate": "calibrate",
     "detect": "detect",
-    "evaluate": "evaluate",
+    "evaluate": "evaluation",
     "load_calibration": "calibration_file",
     "load_observations": "observation_file",
     "load_rig": "rig",

@@ -55,7 +55,7 @@ def _wrong_value(detail: Any) -> str:
     if detail["type"] == "value_error":
         return text.removeprefix("Value error, ")
     if text.startswith("Input should be "):
-        text = text.removeprefix("Input should be ")
+        text = text.removeprefix("Input should be ").split(", unable to")[0]
         text = f"a value {text}" if text.startswith(("greater", "less")) else text
     found = detail.get("input")
     if isinstance(found, (dict, list, tuple)):

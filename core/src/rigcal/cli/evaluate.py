@@ -11,7 +11,7 @@ import typer
 from rigcal.cli.output import Json, print_json, print_line, print_table
 
 if TYPE_CHECKING:
-    from rigcal.evaluate import Evaluation
+    from rigcal.evaluation import Evaluation
 
 
 def evaluate(
@@ -23,7 +23,7 @@ def evaluate(
 ) -> None:
     """Compare a calibration with the truth."""
     from rigcal.calibration_file import load_calibration
-    from rigcal.evaluate import evaluate as compare
+    from rigcal.evaluation import evaluate as compare
 
     evaluation = compare(load_calibration(calibration), load_calibration(truth))
     if json:

@@ -7,7 +7,7 @@ import pytest
 
 from rigcal.calibration import Calibration, SensorResult
 from rigcal.errors import ConfigError
-from rigcal.evaluate import evaluate
+from rigcal.evaluation import evaluate
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 

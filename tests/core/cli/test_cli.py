@@ -1,0 +1,252 @@
+"""The command line around the functions: files, exit status, output for people and programs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+import typer
+
+from rigcal import __version__
+from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration_file import load_calibration, save_calibration
+from rigcal.cli import main
+from rigcal.errors import NotConnectedError
+from rigcal.observation import Candidate, Detection, Observation, PointGeometry
+from rigcal.observation_file import load_observations
+from rigcal.plugin import SensorConfig, SensorType, hookimpl
+
+DETECT, CALIBRATE = import_module("rigcal.detect"), import_module("rigcal.calibrate")
+RIG = """\
+version: 1
+root: bow
+targets:
+  board: {type: checkerboard, columns: 7, rows: 5, square_size_m: 0.1}
+sensors:
+  bow: {type: sonar, files: bow/*.csv}
+  stern: {type: sonar, files: stern/*.csv}
+"""
+
+
+class SonarConfig(SensorConfig, frozen=True):
+    type: Literal["sonar"] = "sonar"
+
+
+def _decode(message: object, config: object) -> object:
+    return message
+
+
+def _detect(frame: object, config: object, target: object) -> Detection:
+    return Detection((), "deaf")
+
+
+def ping(name: str, loud: bool = False) -> None:
+    """Answer."""
+    typer.echo(f"pong {name}" + "!" * loud)
+
+
+def fail() -> None:
+    """Fail unexpectedly."""
+    raise ZeroDivisionError("in the plugin")
+
+
+class Sonar:
+    @hookimpl
+    def rigcal_sensor_types(self) -> list[SensorType]:
+        return [SensorType("sonar", SonarConfig, (".csv",), _decode, _detect)]
+
+    @hookimpl
+    def rigcal_commands(self) -> list[tuple[str, Callable[..., Any]]]:
+        return [("ping", ping), ("fail", fail)]
+
+
+def _observation(sensor: str, exposure: str) -> Observation:
+    geometry = PointGeometry(np.ones(3), np.eye(3), np.zeros(3))
+    if exposure == "3":
+        return Observation(sensor, exposure, 0, f"{sensor}/{exposure}.csv", (), "too dark")
+    return Observation(sensor, exposure, 0, f"{sensor}/{exposure}.csv", (Candidate(geometry, {}),))
+
+
+OBSERVATIONS = tuple(_observation(s, e) for e in "123" for s in ("bow", "stern"))
+T_BOW_STERN = np.array([[0, -1, 0, 1.5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+CALIBRATION = Calibration(
+    "bow",
+    {
+        "bow": SensorResult("bow", np.eye(4), None, 2, 2, ResidualStatistics("m", 0.01, 2)),
+        "stern": SensorResult(
+            "bow", T_BOW_STERN, np.eye(6) * 1e-6, 2, 2, ResidualStatistics("m", 0.02, 2)
+        ),
+    },
+    rejected=(Rejection("bow", "3", "bow/3.csv", "too dark"),),
+    warnings=("stern: few exposures",),
+    provenance={"seed": 0},
+)
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a rig and a recording, and a sonar plugin, whose estimate is CALIBRATION."""
+    dist = SimpleNamespace(name="acme-sonar", version="2.0")
+    entry = SimpleNamespace(name="sonar", load=Sonar, dist=dist)
+    monkeypatch.setattr("rigcal.plugin.registry.entry_points", lambda group: [entry])
+    monkeypatch.setattr(DETECT, "detect", lambda *_: OBSERVATIONS)
+    monkeypatch.setattr(CALIBRATE, "calibrate", lambda *_, **__: CALIBRATION)
+    monkeypatch.setenv("COLUMNS", "160")
+    (tmp_path / "rig.yaml").write_text(RIG)
+    for name in ("bow", "stern"):
+        (tmp_path / "recording" / name).mkdir(parents=True)
+        (tmp_path / "recording" / name / "1.csv").write_text("1,2,3")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def _run(*arguments: str) -> object:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    return caught.value.code
+
+
+def test_detect_writes_observations(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("detect", "rig.yaml", "recording", "--out", "new/o.npz") == 0
+    observations, about = load_observations(place / "new" / "o.npz")
+    assert len(observations) == 6
+    assert about["inputs"]["recording"]["name"] == "recording"
+    out = capsys.readouterr().out
+    assert "bow: 1 without: too dark" in out
+    assert "new/o.npz" in out
+
+
+def test_detect_json(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("detect", "rig.yaml", "recording", "--out", "o.npz", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["sensors"]["stern"] == {"frames": 3, "detected": 2, "reasons": {"too dark": 1}}
+
+
+def test_calibrate_writes_results_and_says_where(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run("calibrate", "rig.yaml", "recording", "--out", "result") == 0
+    names = {p.name for p in (place / "result").iterdir()}
+    assert names == {"calibration.yaml", "observations.npz", "report.html"}
+    out = capsys.readouterr().out
+    for expected in (
+        "stern", "1500.00", "90.0000", "20 mm", "bow: 1 (3): too dark",
+        "warning: stern: few exposures", "result/calibration.yaml",
+    ):  # fmt: skip
+        assert expected in out
+
+
+def test_calibration_tells_what_it_was_made_from(place: Path) -> None:
+    _run("calibrate", "rig.yaml", "recording", "--out", "a", "--no-report", "-q")
+    provenance = load_calibration("a/calibration.yaml").provenance
+    assert provenance["seed"] == 0
+    assert isinstance(provenance["versions"], dict)
+    assert provenance["versions"]["acme-sonar"] == "2.0"
+    assert provenance["versions"]["rigcal"] == __version__
+    assert isinstance(provenance["inputs"], dict)
+    assert provenance["inputs"]["recording"]["name"] == "recording"
+    # From the observations of that run: the same bytes.
+    _run("calibrate", "rig.yaml", "a/observations.npz", "--out", "b", "--no-report", "-q")
+    first, second = (Path(d, "calibration.yaml").read_bytes() for d in "ab")
+    assert first == second
+    (place / "recording" / "bow" / "1.csv").write_text("1,2,4")
+    _run("calibrate", "rig.yaml", "recording", "--out", "c", "--no-report", "-q")
+    assert Path("c/calibration.yaml").read_bytes() != first
+
+
+def test_calibrate_json_is_the_calibration(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("calibrate", "rig.yaml", "recording", "--out", "r", "--no-report", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["files"]["calibration"] == "r/calibration.yaml"
+    assert answer["sensors"]["stern"]["translation_m"]["x"] == 1.5
+
+
+def test_quiet_prints_nothing(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("calibrate", "rig.yaml", "recording", "--out", "r", "--no-report", "-q") == 0
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+def test_data_without_an_answer_exit_1_and_keep_the_observations(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise NotConnectedError("stern shares no exposure with bow")
+
+    monkeypatch.setattr(CALIBRATE, "calibrate", refuse)
+    assert _run("calibrate", "rig.yaml", "recording", "--out", "r") == 1
+    assert capsys.readouterr().err == "rigcal: stern shares no exposure with bow\n"
+    assert [p.name for p in (place / "r").iterdir()] == ["observations.npz"]
+
+
+def test_unusable_out_is_told_before_any_work(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(DETECT, "detect", lambda *_: pytest.fail("work was lost"))
+    assert _run("calibrate", "rig.yaml", "recording", "--out", "rig.yaml/x") == 2
+    assert "rig.yaml/x: cannot be made a folder" in capsys.readouterr().err
+
+
+def test_evaluate(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_calibration("truth.yaml", CALIBRATION)
+    moved = T_BOW_STERN.copy()
+    moved[0, 3] += 0.002
+    sensors = {**CALIBRATION.sensors, "stern": SensorResult("bow", moved, np.eye(6) * 1e-6)}
+    save_calibration("calibration.yaml", Calibration("bow", sensors))
+    assert _run("evaluate", "calibration.yaml", "--truth", "truth.yaml", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["sensors"]["stern"]["translation_mm"] == pytest.approx(2.0)
+    assert answer["sensors"]["stern"]["nees"] == pytest.approx(4.0)
+    assert answer["mean_rotation_deg"] == pytest.approx(0.0, abs=1e-6)
+    assert _run("evaluate", "calibration.yaml", "--truth", "truth.yaml") == 0
+    assert "2.000" in capsys.readouterr().out
+    assert _run("evaluate", "calibration.yaml", "--truth", "no.yaml") == 2
+
+
+def test_plugins_json(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("plugins", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["sensor_types"] == ["sonar"]
+    assert answer["commands"] == ["fail", "ping"]
+    assert answer["broken"] == []
+
+
+def test_schema_is_json(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("schema") == 0
+    assert json.loads(capsys.readouterr().out)["required"] == [
+        "version", "root", "targets", "sensors",
+    ]  # fmt: skip
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("--version") == 0
+    assert capsys.readouterr().out == f"rigcal {__version__}\n"
+
+
+def test_command_of_a_plugin(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("ping", "you", "--loud") == 0
+    assert capsys.readouterr().out == "pong you!\n"
+    assert _run("--help") == 0
+    assert "ping" in capsys.readouterr().out
+
+
+def test_unexpected_error_is_one_message_and_a_traceback_with_v(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run("fail") == 1
+    error = capsys.readouterr().err
+    assert error.startswith("rigcal: unexpected ZeroDivisionError: in the plugin\n")
+    assert "Traceback" not in error
+    assert _run("fail", "-v") == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["sonnar"], ["detect"], ["detect", "--jobs", "0"]])
+def test_wrong_usage_exits_2(place: Path, arguments: list[str]) -> None:
+    assert _run(*arguments) == 2

@@ -14,6 +14,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.storage_mcap import McapReader
 
 from rigcal.errors import RecordingError
 from rigcal.recording import damage
@@ -116,14 +117,14 @@ class BagRecording:
     def _read_part(
         self, part: Any, topic: str, times: list[int], begin: int, end: int, skipped: int
     ) -> Iterator[Message]:
-        connections = _of(part, topic)
-        message_type = connections[0].msgtype
         # Readers filter by time only: of several messages at the first stamp, some may be early.
         early = begin - bisect_left(times, times[begin])
-        with self._no_library_errors(f"topic '{topic}' cannot be read"):
+        number = skipped + begin
+        with self._no_library_errors(f"topic '{topic}' cannot be read"), _undisturbed(part) as own:
+            connections = _of(own, topic)
+            message_type = connections[0].msgtype
             deserialize = self._deserializer(topic, connections[0])
-            raw = part.messages(connections, times[begin], times[end - 1] + 1)
-            number = skipped + begin
+            raw = own.messages(connections, times[begin], times[end - 1] + 1)
             for _, log_time, data in islice(raw, early, early + end - begin):
                 value = deserialize(data)
                 origin = f"{self._path.name} {topic} #{number}"
@@ -155,15 +156,31 @@ class BagRecording:
         """Damaged files make the library raise all sorts of errors: RecordingError for them."""
         try:
             yield
-        except (RecordingError, MemoryError):
+        except RecordingError:
             raise
         except Exception as error:
             reason = str(error).rstrip(".") or type(error).__name__
             if isinstance(error, OSError) and error.strerror:
                 reason = error.strerror
+            if isinstance(error, MemoryError):
+                reason = "it asks for more memory than there is, as damaged lengths do"
             raise RecordingError(
                 f"{self._path}: {what}: {reason}{damage.advice(self._path)}"
             ) from error
+
+
+@contextmanager
+def _undisturbed(part: Any) -> Iterator[Any]:
+    """The reader, or one of its own where two reads at a time would move one file position."""
+    if not isinstance(part, McapReader) or part.chunks:
+        yield part
+        return
+    own = McapReader(part.path)
+    own.open()
+    try:
+        yield own
+    finally:
+        own.close()
 
 
 def _of(part: Any, topic: str) -> list[Connection]:

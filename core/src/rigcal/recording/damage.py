@@ -9,7 +9,8 @@ from typing import BinaryIO
 
 _MCAP_MAGIC = b"\x89MCAP0\r\n"
 _BAG_MAGIC = b"#ROSBAG V2.0\n"
-_MCAP_MESSAGE, _MCAP_CHUNK, _MCAP_INDEX, _MCAP_FOOTER = 0x05, 0x06, 0x07, 0x02
+_MCAP_MESSAGE, _MCAP_INDEX, _MCAP_FOOTER = 0x05, 0x07, 0x02
+_MCAP_HEADER = 0x01
 _BAG_INDEX, _BAG_CHUNK = b"op=\x04", b"op=\x05"
 
 
@@ -35,8 +36,16 @@ def _mcap(path: Path) -> str:
         messages = whole = 0
         for op, head, end in _mcap_records(file, size):
             whole = end
+            if op == _MCAP_HEADER and (profile := _profile(head)) != "ros2":
+                return (
+                    f"; its profile is '{profile}': give the .bag that it was made from, or "
+                    "convert it to a ROS 2 bag"
+                )
             if op == _MCAP_FOOTER:
-                return ""
+                return (
+                    "; it has its end, but may be damaged inside: keep what is whole with "
+                    f"`mcap recover {path.name} -o mended.mcap`"
+                )
             messages += op == _MCAP_MESSAGE
             if op == _MCAP_INDEX:
                 messages += struct.unpack("<I", head[2:6])[0] // 16
@@ -57,6 +66,10 @@ def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, int]]
         head = file.read(min(length, 16))
         position += 9 + length
         yield op, head, position
+
+
+def _profile(head: bytes) -> str:
+    return head[4 : 4 + struct.unpack("<I", head[:4])[0]].decode("ascii", "replace")
 
 
 def _ros1(path: Path) -> str:

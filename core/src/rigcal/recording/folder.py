@@ -13,6 +13,7 @@ from rigcal.errors import RecordingError
 from rigcal.recording.message import Message, Source
 
 _STAMP_DIGITS = (18, 19)
+_NAMES_COMPARED = 1000
 _BAGS = (".mcap", ".db3", ".bag")
 
 
@@ -130,7 +131,7 @@ class FolderRecording:
         return f"the folder holds {there or 'no files'}"
 
     def _nearest(self, glob: str) -> str:
-        names = [self._relative(p) for p in self._files()]
+        names = [self._relative(p) for p in self._files()[:_NAMES_COMPARED]]
         near = difflib.get_close_matches(glob, names, 1, 0.4)
         return f"; the nearest name is '{near[0]}'" if near else ""
 

@@ -1,0 +1,154 @@
+"""Whatever is wrong with a bag is said in one RecordingError."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigcal.errors import RecordingError
+from rigcal.recording import Source, open_recording, ros
+from rigcal.recording.writer import RecordingWriter
+
+SCANS = Source(topic="/front/scan")
+
+
+def _read(path: Path) -> list[int]:
+    """The number of ranges in each scan."""
+    with open_recording(path) as recording:
+        return [len(m.value.ranges) for m in recording.read(SCANS)]
+
+
+def test_a_missing_path(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"none\.mcap: there is no such file or folder"):
+        open_recording(tmp_path / "none.mcap")
+
+
+def test_a_file_of_another_kind(tmp_path: Path) -> None:
+    (tmp_path / "film.mp4").write_bytes(b"film")
+    with pytest.raises(RecordingError, match=r"a '.mp4' file is not a recording; expected a fold"):
+        open_recording(tmp_path / "film.mp4")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "says"),
+    [
+        (".mcap", "does not begin like an MCAP file"),
+        (".bag", "does not begin like a ROS 1 bag"),
+        (".db3", "cannot be opened"),
+    ],
+)
+def test_another_file_under_the_suffix_of_a_bag(tmp_path: Path, suffix: str, says: str) -> None:
+    (tmp_path / f"r{suffix}").write_bytes(b"something else entirely" * 300)
+    with pytest.raises(RecordingError, match=says):
+        open_recording(tmp_path / f"r{suffix}")
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".db3"])
+def test_an_empty_file(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / f"r{suffix}").touch()
+    with pytest.raises(RecordingError, match=r"cannot be opened"):
+        open_recording(tmp_path / f"r{suffix}")
+
+
+def _images(path: Path) -> Path:
+    """20 messages of 200 kB."""
+    rng = np.random.default_rng(0)
+    with RecordingWriter(path) as writer:
+        for i in range(1, 21):
+            data = rng.integers(0, 256, 200_000, np.uint8)
+            message = ros.make("sensor_msgs/msg/CompressedImage", data=data)
+            writer.write("/front/scan", "sensor_msgs/msg/CompressedImage", message, i)
+    return path
+
+
+def test_a_truncated_mcap_says_what_can_be_kept(tmp_path: Path) -> None:
+    path = _images(tmp_path / "r.mcap")
+    path.write_bytes(path.read_bytes()[:3_000_000])
+    with pytest.raises(RecordingError) as error:
+        open_recording(path)
+    assert "it breaks off: 2.4 of 3 MB with 12 messages can be read" in str(error.value)
+    assert "mcap recover r.mcap -o mended.mcap" in str(error.value)
+
+
+def test_a_truncated_ros1_bag_says_what_can_be_kept(tmp_path: Path) -> None:
+    path = _images(tmp_path / "r.bag")
+    path.write_bytes(path.read_bytes()[:3_000_000])
+    with pytest.raises(RecordingError) as error:
+        open_recording(path)
+    assert "2.41 of 3 MB with 2 chunks and 12 indexed messages can be read" in str(error.value)
+    assert "rosbag reindex r.bag" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["mcap", "mcap without index", "ros1", "ros1 bz2", "db3", "sqlite3 folder", "mcap folder"],
+)
+def test_no_truncation_lets_another_error_out(make_bag: Callable[[str], Path], kind: str) -> None:
+    bag = make_bag(kind)
+    path = max(bag.iterdir(), key=lambda p: p.stat().st_size) if bag.is_dir() else bag
+    whole = path.read_bytes()
+    for length in np.linspace(0, len(whole) - 1, 12).astype(int):
+        path.write_bytes(whole[:length])
+        try:
+            numbers = _read(bag)
+            # SQLite does not need the last page of every file.
+            assert path.suffix == ".db3"
+            assert numbers == [i + 3 for i in range(12)]
+        except RecordingError as error:
+            assert str(bag) in str(error)
+
+
+@pytest.mark.parametrize("kind", ["mcap", "mcap without index", "ros1", "ros1 bz2", "db3"])
+def test_no_garbled_byte_lets_another_error_out(make_bag: Callable[[str], Path], kind: str) -> None:
+    path = make_bag(kind)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(1)
+    for _ in range(25):
+        garbled = bytearray(whole)
+        for position in rng.integers(0, len(whole), 3):
+            garbled[position] = int(rng.integers(256))
+        path.write_bytes(bytes(garbled))
+        try:
+            _read(path)
+        except RecordingError as error:
+            assert str(path) in str(error)
+
+
+def test_an_mcap_of_another_profile(make_unindexed: Callable[[str], Path]) -> None:
+    with pytest.raises(RecordingError, match=r"its profile is 'ros1': give the \.bag that it was"):
+        open_recording(make_unindexed("ros1"))
+
+
+def test_a_bag_folder_whose_file_is_gone(make_bag: Callable[[str], Path]) -> None:
+    path = make_bag("sqlite3 folder")
+    (path / "bag.db3").unlink()
+    with pytest.raises(RecordingError, match=r"missing.*`ros2 bag reindex bag`"):
+        open_recording(path)
+
+
+def test_a_bag_folder_without_metadata_is_told_to_be_reindexed(
+    make_bag: Callable[[str], Path],
+) -> None:
+    path = make_bag("mcap folder")
+    (path / "metadata.yaml").unlink()
+    with (
+        open_recording(path) as recording,
+        pytest.raises(
+            RecordingError, match=r"holds bag\.mcap: give that file .*`ros2 bag reindex`"
+        ),
+    ):
+        recording.count(SCANS)
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".bag"])
+def test_a_bag_without_messages(tmp_path: Path, suffix: str) -> None:
+    with RecordingWriter(tmp_path / f"r{suffix}"):
+        pass
+    with (
+        open_recording(tmp_path / f"r{suffix}") as recording,
+        pytest.raises(RecordingError, match="'/front/scan' is not in the .*; it holds no topics"),
+    ):
+        recording.count(SCANS)

@@ -208,3 +208,20 @@ def test_equal_entry_point_names_of_different_plugins_both_work(install: Install
     install("acme-ring", DISC_SOURCE.replace("disc", "ring"))
     registry = Registry.from_entry_points()
     assert {"disc", "ring"} <= set(registry.target_types)
+
+
+def test_asked_for_commands_a_plugin_without_them_is_not_imported(install: Install) -> None:
+    install("acme-heavy", "raise AssertionError('imported')")
+    install("acme-ping", COMMAND_SOURCE)
+    install("acme-pong", "from acme_ping import *", entry="pong")
+    registry = Registry.from_entry_points(hooks=("rigcal_commands",))
+    assert "acme-heavy" not in {b.distribution for b in registry.broken}
+    assert {"acme-ping", "acme-pong"} <= {p.distribution for p in registry.plugins}
+
+
+COMMAND_SOURCE = """
+from rigcal.plugin import hookimpl
+def ping(): ...
+@hookimpl
+def rigcal_commands(): return [("ping", ping)]
+"""

@@ -154,8 +154,8 @@ class SensorType:
     errors          (candidate, config, target, T_s_t) -> (N,) or (N, 2) unwhitened errors of the
                     raw measurements in `unit`, for statistics; None: by geometry, in metres
     unit            unit of `errors`: "px", "m"
-    observe         (T_s_t, config, target, rng) -> Candidate or None: what a flawless detector would
-                    report of a target in plain view, with the configured noise
+    observe         (T_s_t, config, target, rng) -> Candidate or None: what a flawless detector
+                    would report of a target in plain view, with the configured noise
     simulate        (T_w_s, scene, config, rng) -> frame
     encode          (frame, config, stamp_ns, frame_id) -> ROS message (see `recording.ros`)
     message_type    ROS name of what `encode` makes

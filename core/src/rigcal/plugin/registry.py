@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points, version
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from rigcal.errors import PluginError
@@ -108,11 +109,13 @@ class Registry:
     def from_entry_points(cls, hooks: Collection[str] = HOOKS) -> Registry:
         """What is installed in entry point group `rigcal`; never raises for a bad plugin.
 
-        `hooks` limits what plugins are asked for: commands alone import no numerical library.
+        `hooks` limits what plugins are asked for; one that does not mention any is not imported
+        (commands alone load no numerical library, and the command line starts at once).
         """
         registry = cls.__new__(cls)
         found = sorted(entry_points(group=GROUP), key=lambda e: (e.name, _owner_of(e)))
-        registry._collect([_installed(entry) for entry in found], hooks)
+        asked = [entry for entry in found if hooks is HOOKS or _mentions(entry, hooks)]
+        registry._collect([_installed(entry) for entry in asked], hooks)
         return registry
 
     def _collect(self, installed: list[_Installed], hooks: Collection[str]) -> None:
@@ -214,6 +217,19 @@ def _installed(entry: EntryPoint) -> _Installed:
     return _Installed(
         entry.name, dist.name if dist else "", dist.version if dist else "", entry.load
     )
+
+
+def _mentions(entry: EntryPoint, hooks: Collection[str]) -> bool:
+    """Whether a plugin may implement a hook, by the text of its module; True when in doubt."""
+    try:
+        # The spec of a dotted name would import its package.
+        if entry.attr or "." in entry.module:
+            return True
+        loader = getattr(find_spec(entry.module), "loader", None)
+        source = loader.get_source(entry.module) if loader else None
+    except Exception:
+        return True
+    return source is None or any(word in source for word in (*hooks, "import *"))
 
 
 def _owner_of(entry: EntryPoint) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from rigcal.calibration import Calibration, SensorResult
 from rigcal.calibration_file import save_calibration
 from rigcal.errors import ConfigError

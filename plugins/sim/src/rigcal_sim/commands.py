@@ -1,0 +1,118 @@
+"""`rigcal simulate` and `rigcal demo`."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigcal.cli.detect import RigFile
+from rigcal.cli.output import Jobs, Json, Quiet, make_folder, print_json, print_line, print_table
+from rigcal.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from rigcal_sim.dataset import Summary
+
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")]
+
+
+def simulate(
+    rig_file: RigFile,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for recording and truth.")
+    ],
+    poses: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Exposures; default: the scenario's.")
+    ] = None,
+    seed: Seed = 0,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Scenario; without it, boards are shown where the sensors look."
+        ),
+    ] = None,
+    bag: Annotated[bool, typer.Option("--bag", help="Write recording.bag (ROS 1) too.")] = False,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Simulate a recording of a rig, with the truth, from the poses in the rig file."""
+    summary = _simulate(rig_file, scenario, out, poses, seed, bag, jobs, quiet or json)
+    if json:
+        print_json(_as_mapping(summary))
+    elif not quiet:
+        _show(summary)
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for all.")] = Path(
+        "rigcal-demo"
+    ),
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Simulate an example rig, calibrate it from the recording, compare with the truth."""
+    from rigcal.cli.calibrate import calibrate
+    from rigcal.cli.evaluate import evaluate
+    from rigcal.files import write_text
+
+    make_folder(out)
+    for name in ("rig.yaml", "scenario.yaml"):
+        text = files("rigcal_sim").joinpath("demo", name).read_text(encoding="utf-8")
+        write_text(out / name, text)
+    silent = quiet or json
+    rig, scenario = out / "rig.yaml", out / "scenario.yaml"
+    summary = _simulate(rig, scenario, out, None, seed, False, jobs, silent)
+    if not silent:
+        _show(summary)
+    calibrate(rig, summary.recordings[0], out, seed=seed, jobs=jobs, quiet=silent)
+    if not quiet:
+        evaluate(out / "calibration.yaml", summary.truth, json=json)
+
+
+def _simulate(
+    rig_file: Path,
+    scenario_file: Path | None,
+    out: Path,
+    poses: int | None,
+    seed: int,
+    bag: bool,
+    jobs: int | None,
+    silent: bool,
+) -> Summary:
+    from rigcal.plugin.registry import Registry
+    from rigcal.rig import load_rig
+    from rigcal_sim.dataset import simulate as write_recording
+    from rigcal_sim.scenario import load_scenario
+
+    registry = Registry.from_entry_points()
+    rig = load_rig(rig_file, registry)
+    scenario = load_scenario(scenario_file) if scenario_file else None
+    formats = ("mcap", "bag") if bag else ("mcap",)
+    with progress_bar(silent) as progress:
+        return write_recording(
+            rig, registry, scenario, seed, out, formats, progress, poses=poses, jobs=jobs
+        )
+
+
+def _show(summary: Summary) -> None:
+    rows = [(name, str(count)) for name, count in summary.seen.items()]
+    again = f", {summary.redrawn} poses drawn again" if summary.redrawn else ""
+    title = f"Simulated {summary.exposures} exposures{again}"
+    print_table(title, ("<sensor", "board in view"), rows)
+    for path in (*summary.recordings, summary.truth):
+        print_line(f"{path}")
+
+
+def _as_mapping(summary: Summary) -> dict[str, object]:
+    return {
+        "recordings": [str(path) for path in summary.recordings],
+        "truth": str(summary.truth),
+        "exposures": summary.exposures,
+        "redrawn": summary.redrawn,
+        "seen": dict(summary.seen),
+    }

@@ -15,10 +15,14 @@ from rigcal.recording.writer import RecordingWriter
 SCANS = Source(topic="/front/scan")
 
 
-def _read(path: Path) -> list[int]:
-    """The number of ranges in each scan."""
-    with open_recording(path) as recording:
-        return [len(m.value.ranges) for m in recording.read(SCANS)]
+def _error(path: Path) -> str | None:
+    """What is said when all scans are read."""
+    try:
+        with open_recording(path) as recording:
+            assert len(list(recording.read(SCANS))) > 0
+    except RecordingError as error:
+        return str(error)
+    return None
 
 
 def test_a_missing_path(tmp_path: Path) -> None:
@@ -92,13 +96,10 @@ def test_no_truncation_lets_another_error_out(make_bag: Callable[[str], Path], k
     whole = path.read_bytes()
     for length in np.linspace(0, len(whole) - 1, 12).astype(int):
         path.write_bytes(whole[:length])
-        try:
-            numbers = _read(bag)
-            # SQLite does not need the last page of every file.
-            assert path.suffix == ".db3"
-            assert numbers == [i + 3 for i in range(12)]
-        except RecordingError as error:
-            assert str(bag) in str(error)
+        error = _error(bag)
+        # SQLite does not need the last page of every file.
+        assert error is not None or path.suffix == ".db3"
+        assert error is None or str(bag) in error
 
 
 @pytest.mark.parametrize("kind", ["mcap", "mcap without index", "ros1", "ros1 bz2", "db3"])
@@ -111,10 +112,8 @@ def test_no_garbled_byte_lets_another_error_out(make_bag: Callable[[str], Path],
         for position in rng.integers(0, len(whole), 3):
             garbled[position] = int(rng.integers(256))
         path.write_bytes(bytes(garbled))
-        try:
-            _read(path)
-        except RecordingError as error:
-            assert str(path) in str(error)
+        error = _error(path)
+        assert error is None or str(path) in error
 
 
 def test_an_mcap_of_another_profile(make_unindexed: Callable[[str], Path]) -> None:
@@ -149,6 +148,6 @@ def test_a_bag_without_messages(tmp_path: Path, suffix: str) -> None:
         pass
     with (
         open_recording(tmp_path / f"r{suffix}") as recording,
-        pytest.raises(RecordingError, match="'/front/scan' is not in the .*; it holds no topics"),
+        pytest.raises(RecordingError, match=r"'/front/scan' is not in the .*; it holds no topics"),
     ):
         recording.count(SCANS)

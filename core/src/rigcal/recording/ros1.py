@@ -31,8 +31,8 @@ def to_ros1(message: Any, type_name: str, seq: int = 0) -> Any:
             values[name] = _value(given[name.lower()], kind, seq)
         else:
             raise RecordingError(
-                f"'{type_name}' has a field '{name}' in ROS 1 that the message lacks: write an "
-                "MCAP instead"
+                f"the message has no '{name}', which {type_name} has in ROS 1 (it has: "
+                f"{', '.join(given)})"
             )
     return store.types[type_name](**values)
 

@@ -120,8 +120,8 @@ class RecordingWriter:
             self._format.write(connection, message, stamp_ns, self._counts[topic])
         except OSError as error:
             raise self._not_written(error) from error
-        except RecordingError:
-            raise
+        except RecordingError as error:
+            raise RecordingError(f"{self._path}: {topic}: {error}") from error
         except Exception as error:
             raise RecordingError(
                 f"{self._path}: {topic}: the message does not fit {type_name}: {error}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from rigcal.calibrate import calibrate
+from rigcal.estimation import calibrate
 from rigcal.geometry import se3
 from rigcal.geometry.shapes import plane_of_target
 from rigcal.observation import Candidate, LineGeometry, Observation, PlaneGeometry

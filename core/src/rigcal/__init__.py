@@ -18,11 +18,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rigcal.calibrate import calibrate
     from rigcal.calibration import Calibration, SensorResult
     from rigcal.calibration_file import load_calibration, save_calibration
-    from rigcal.detect import detect
+    from rigcal.detection import detect
     from rigcal.errors import RigcalError
+    from rigcal.estimation import calibrate
     from rigcal.evaluation import Evaluation, evaluate
     from rigcal.observation import Observation
     from rigcal.observation_file import load_observations, save_observations
@@ -38,8 +38,8 @@ _HOME = {
     "Rig": "rig",
     "RigcalError": "errors",
     "SensorResult": "calibration",
-    "calibrate": "calibrate",
-    "detect": "detect",
+    "calibrate": "estimation",
+    "detect": "detection",
     "evaluate": "evaluation",
     "load_calibration": "calibration_file",
     "load_observations": "observation_file",

@@ -22,7 +22,7 @@ from rigcal.observation import Candidate, Detection, Observation, PointGeometry
 from rigcal.observation_file import load_observations
 from rigcal.plugin import SensorConfig, SensorType, hookimpl
 
-DETECT, CALIBRATE = import_module("rigcal.detect"), import_module("rigcal.calibrate")
+DETECT, CALIBRATE = import_module("rigcal.detection"), import_module("rigcal.estimation")
 RIG = """\
 version: 1
 root: bow

@@ -38,7 +38,7 @@ def calibrate(
     json: Json = False,
 ) -> None:
     """Estimate where the sensors are."""
-    from rigcal.calibrate import calibrate as estimate
+    from rigcal.estimation import calibrate as estimate
     from rigcal.plugin.registry import Registry
     from rigcal.rig import load_rig
 
@@ -95,7 +95,7 @@ def _observations(
 
     They are saved at once: when the estimate fails, it can be tried again without detecting.
     """
-    from rigcal.detect import detect
+    from rigcal.detection import detect
     from rigcal.observation_file import load_observations, save_observations
 
     if data.suffix == ".npz":

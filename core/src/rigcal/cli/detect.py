@@ -31,7 +31,7 @@ def detect(
     json: Json = False,
 ) -> None:
     """Find the target in every frame of a recording."""
-    from rigcal.detect import detect as detect_all
+    from rigcal.detection import detect as detect_all
     from rigcal.observation_file import save_observations
     from rigcal.plugin.registry import Registry
     from rigcal.rig import load_rig

@@ -5,8 +5,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from rigcal.calibrate import calibrate
 from rigcal.errors import NotConnectedError, NotDeterminedError, ObservationError
+from rigcal.estimation import calibrate
 from rigcal.geometry import se3
 from rigcal.geometry.shapes import plane_of_target
 from rigcal.observation import (

@@ -46,12 +46,12 @@ class Scene:
         if self.T_w_t is not None:
             flats.insert(0, (0, self.T_w_t, self.target.outline))
         for index, T_w_f, polygon in flats:
-            T_f_w = se3.inverse(T_w_f)
-            p_f, d_f = se3.apply(T_f_w, p_w), d_w @ T_f_w[:3, :3].T
+            p_f = se3.apply(se3.inverse(T_w_f), p_w)
             with np.errstate(divide="ignore", invalid="ignore"):
-                t = -p_f[..., 2] / d_f[:, 2]
-                xy = p_f[..., :2] + t[:, None] * d_f[:, :2]
-                closer = (t > 0) & (t < ranges)
-                closer[closer] = inside_convex(xy[closer], polygon)
+                t = -p_f[..., 2] / (d_w @ T_w_f[:3, 2])
+            closer = np.flatnonzero((t > 0) & (t < ranges))
+            start = p_f[closer, :2] if p_f.ndim == 2 else p_f[:2]
+            xy = start + t[closer, None] * (d_w[closer] @ T_w_f[:3, :2])
+            closer = closer[inside_convex(xy, polygon)]
             ranges[closer], hit[closer] = t[closer], index
         return ranges, hit

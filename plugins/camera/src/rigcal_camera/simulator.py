@@ -133,15 +133,39 @@ def _region(lens: Lens, T_s_t: Array, outline: Array, margin: int) -> tuple[slic
     valid &= angle <= lens.max_angle
     if not valid.any():
         return None
-    low, high = uv[valid].min(axis=0) - margin, uv[valid].max(axis=0) + margin
+    touched = uv[valid]
     if not valid.all():
         # The board reaches out of the lens's field: how far is not in the points projected.
-        low, high = np.zeros(2), np.array([lens.width, lens.height], dtype=np.float64)
+        touched = np.concatenate([touched, _pixels_near_board(lens, T_s_t, outline[:, :2])])
+    low, high = touched.min(axis=0) - margin, touched.max(axis=0) + margin
     low = np.clip(np.floor(low), 0, [lens.width, lens.height]).astype(int)
     high = np.clip(np.ceil(high) + 1, 0, [lens.width, lens.height]).astype(int)
     if (high <= low).any():
         return None
     return slice(low[1], high[1]), slice(low[0], high[0])
+
+
+def _pixels_near_board(lens: Lens, T_s_t: Array, outline: Array) -> Array:
+    """Corners (N, 2) of the coarse cells whose middle meets the board."""
+    step = np.arange(-1, max(lens.width, lens.height) // _COARSE_PX + 2) * _COARSE_PX
+    u, v = step[step <= lens.width + _COARSE_PX], step[step <= lens.height + _COARSE_PX]
+    uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2).astype(np.float64)
+    xy = _plane_points(lens.rays_from_pixels(uv), se3.inverse(T_s_t))
+    hit = uv[_inset(xy, outline) >= 0]
+    return np.concatenate([hit - _COARSE_PX, hit + _COARSE_PX])
+
+
+def _plane_points(rays: Array, T_t_s: Array) -> FloatImage:
+    """Where rays (..., 3) meet the board's plane, (..., 2) in its frame; 1 km off if nowhere."""
+    origin = T_t_s[:3, 3]
+    d_t = rays @ T_t_s[:3, :3].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = -origin[2] / d_t[..., 2]
+        xy = origin[:2] + t[..., None] * d_t[..., :2]
+    xy[~(t > 0)] = 1e6
+    # Within reach of the board's size: the maps made from this are 32-bit.
+    near: FloatImage = np.clip(xy, -1e3, 1e3).astype(np.float32)
+    return near
 
 
 def _board(rays: FloatImage, T_s_t: Array, scene: Scene) -> tuple[FloatImage, FloatImage]:
@@ -150,41 +174,35 @@ def _board(rays: FloatImage, T_s_t: Array, scene: Scene) -> tuple[FloatImage, Fl
 
     height, width = rays.shape[:2]
     T_t_s = se3.inverse(T_s_t)
-    origin = T_t_s[:3, 3]
-    d_t = rays.astype(np.float64) @ T_t_s[:3, :3].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = -origin[2] / d_t[..., 2]
-        xy = origin[:2] + t[..., None] * d_t[..., :2]
-    xy[~(t > 0)] = 1e6
-    # Relative to the board's size: the maps below are 32-bit.
-    xy = np.clip(xy, -1e3, 1e3).astype(np.float32)
-    size = (width * _SUBSAMPLES, height * _SUBSAMPLES)
-    fine = cv2.resize(xy, size, interpolation=cv2.INTER_LINEAR)
-    inside = _inside(fine, scene.target.outline)
-    if origin[2] > 0:
-        face = texture_of(scene.target).sample(fine, _footprint(xy, scene) / _SUBSAMPLES)
-    else:
-        face = np.full(fine.shape[:2], 255, dtype=np.uint8)
-    covered = inside.astype(np.float32)
-    shrink = (width, height)
-    cover = np.asarray(cv2.resize(covered, shrink, interpolation=cv2.INTER_AREA), np.float32)
-    weighted = cv2.resize(face * covered, shrink, interpolation=cv2.INTER_AREA)
-    return (weighted / np.maximum(cover, 1e-6)).astype(np.float32), cover
+    xy = _plane_points(rays.astype(np.float64), T_t_s)
+    fine, shrink = (width * _SUBSAMPLES, height * _SUBSAMPLES), (width, height)
+    inset = cv2.resize(_inset(xy, scene.target.outline), fine, interpolation=cv2.INTER_LINEAR)
+    covered = (np.asarray(inset) >= 0).astype(np.uint8)
+    cover = np.asarray(cv2.resize(covered * np.uint8(255), shrink, interpolation=cv2.INTER_AREA))
+    if T_t_s[2, 3] <= 0:
+        return np.full((height, width), 255, dtype=np.float32), cover / np.float32(255)
+    fine_xy = np.asarray(cv2.resize(xy, fine, interpolation=cv2.INTER_LINEAR), np.float32)
+    face = texture_of(scene.target).sample(fine_xy, _footprint(xy, scene) / _SUBSAMPLES)
+    # Beyond the board's edge the texture goes on, so that its mean needs no weights.
+    mean = cv2.resize(face, shrink, interpolation=cv2.INTER_AREA)
+    return np.asarray(mean, np.float32), cover / np.float32(255)
 
 
-def _inside(xy: FloatImage, outline: Array) -> NDArray[np.bool_]:
-    inside = np.ones(xy.shape[:2], dtype=bool)
+def _inset(xy: FloatImage, outline: Array) -> FloatImage:
+    """Distance (m) of (..., 2) points from the nearest edge line, positive inside the board."""
+    x, y = np.ascontiguousarray(xy[..., 0]), np.ascontiguousarray(xy[..., 1])
+    inset = np.full(x.shape, np.inf, dtype=np.float32)
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        dx, dy = (end - start).astype(np.float32)
-        inside &= dx * (xy[..., 1] - start[1]) - dy * (xy[..., 0] - start[0]) >= 0
-    return inside
+        dx, dy = ((end - start) / np.linalg.norm(end - start)).tolist()
+        np.minimum(inset, dx * y - dy * x + (dy * start[0] - dx * start[1]), out=inset)
+    return inset
 
 
 def _footprint(xy: FloatImage, scene: Scene) -> float:
     """Smaller side (m) of a pixel's patch of the board, its median over the board."""
     across = np.linalg.norm(np.diff(xy, axis=1)[:-1], axis=2)
     down = np.linalg.norm(np.diff(xy, axis=0)[:, :-1], axis=2)
-    inside = _inside(xy[:-1, :-1], scene.target.outline)
+    inside = _inset(xy[:-1, :-1], scene.target.outline) >= 0
     if not inside.any():
         return 0.0
     return float(min(np.median(across[inside]), np.median(down[inside])))
@@ -194,11 +212,16 @@ def _unoccluded(rays: FloatImage, T_w_s: Array, scene: Scene) -> FloatImage | No
     """Which pixels (H, W) show no surface before the board; None: there is none."""
     assert scene.T_w_t is not None
     outline = se3.apply(scene.T_w_t, scene.target.outline_points)
+    T_t_w = se3.inverse(scene.T_w_t)
+    side = float(np.sign(se3.apply(T_t_w, T_w_s[:3, 3])[2]))
     between = []
     for surface in scene.surfaces:
+        corners = np.column_stack([surface.polygon, np.zeros(len(surface.polygon))])
+        p_w = se3.apply(surface.T_w_f, corners)
         T_f_w = se3.inverse(surface.T_w_f)
         camera, board = se3.apply(T_f_w, T_w_s[:3, 3])[2], se3.apply(T_f_w, outline)[:, 2]
-        if (board * camera < 0).any():
+        before = (se3.apply(T_t_w, p_w)[:, 2] * side > 0).any()
+        if before and (board * camera < 0).any():
             between.append(surface)
     if not between:
         return None

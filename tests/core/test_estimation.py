@@ -5,7 +5,12 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from rigcal.errors import NotConnectedError, NotDeterminedError, ObservationError
+from rigcal.errors import (
+    NotConnectedError,
+    NotDeterminedError,
+    ObservationError,
+    TargetSizeError,
+)
 from rigcal.estimation import calibrate
 from rigcal.geometry import se3
 from rigcal.geometry.shapes import plane_of_target
@@ -171,8 +176,8 @@ def test_outliers_are_rejected_with_their_reason(registry):
 def test_covariance_is_consistent_with_the_scatter(registry):
     rig = rig_of(registry, a="pose", b="plane", c="line")
     nees = {"b": [], "c": []}
-    for seed in range(25):
-        result = calibrate(rig, registry, record(rig, np.random.default_rng(seed), count=30))
+    for seed in range(16):
+        result = calibrate(rig, registry, record(rig, np.random.default_rng(seed), count=20))
         for i, name in ((1, "b"), (2, "c")):
             s = result.sensors[name]
             e = se3.log(se3.inverse(s.T_parent_sensor) @ T_ROOT[i])
@@ -217,3 +222,26 @@ def test_a_sensor_that_saw_nothing_is_named(registry):
     ]
     with pytest.raises(ObservationError, match=r"'b' did not see the target.*no tag found"):
         calibrate(rig, registry, observations)
+
+
+def test_a_target_of_half_its_size_is_told_from_other_mistakes(registry):
+    rig = rig_of(registry, a="pose", b="plane")
+    observations = []
+    for o in record(rig, np.random.default_rng(6)):
+        g = o.candidates[0].geometry
+        if isinstance(g, PoseGeometry):
+            T = g.T_s_t.copy()
+            T[:3, 3] /= 2
+            o = Observation("a", o.exposure, 0, "", (Candidate(PoseGeometry(T, g.covariance), {}),))
+        observations.append(o)
+    with pytest.raises(TargetSizeError, match=r"it were 2(\.0\d)? times as large"):
+        calibrate(rig, registry, observations)
+
+
+def test_observations_of_different_boards_give_no_pose(registry):
+    rig = rig_of(registry, a="pose", b="plane")
+    first = record(rig, np.random.default_rng(7))
+    second = record(rig, np.random.default_rng(8))
+    mixed = [o for o in first if o.sensor == "a"] + [o for o in second if o.sensor == "b"]
+    with pytest.raises(NotConnectedError, match="a - b: 40 shared exposures"):
+        calibrate(rig, registry, mixed)

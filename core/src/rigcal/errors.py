@@ -5,6 +5,7 @@
     |   +-- ConfigError            rig.yaml, a scenario or a calibration file
     |   +-- RecordingError         a bag, an MCAP or a folder of files
     |   +-- ObservationError       observations that are malformed, or their file
+    |   +-- TargetSizeError        the target's dimensions contradict what the sensors measure
     |   +-- PluginError            a plugin that is broken, duplicate, mistyped or misspelt
     +-- CalibrationError           the data do not give an answer (exit status 1)
         +-- NotConnectedError      sensors that share no usable exposures
@@ -39,6 +40,10 @@ class RecordingError(InputError):
 
 class ObservationError(InputError):
     """Observations that are malformed, or a file of them that cannot be read."""
+
+
+class TargetSizeError(InputError):
+    """The target's dimensions in the rig file contradict what the sensors measure."""
 
 
 class PluginError(InputError):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,21 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph import solvers
 from rigcal.graph.correspondence import Correspondences, correspondences, plane_of
-from rigcal.observation import LineGeometry, Observation, PointGeometry, PoseGeometry
+from rigcal.graph.scale import scale_that_agrees
+from rigcal.observation import (
+    LineGeometry,
+    Observation,
+    PlaneGeometry,
+    PointGeometry,
+    PoseGeometry,
+)
 from rigcal.targets.target import Target
 
 GATE_SIGMAS = 3.0
+# Of the exposures beyond a minimal sample, this share must agree too. Many a scan that misses the
+# board has a line of its length; planes of its size and fiducials are rarely something else.
+_LEAST_SHARE, _LEAST_SHARE_OF_LINES = 0.4, 0.2
+_DOUBTFUL_SHARE = 0.7
 _BATCH, _MOST_BATCHES, _CONFIDENCE = 60, 12, 0.999
 # Beyond these a pair leaves its transform open (standard deviations, rad and m).
 _OPEN = np.array([np.radians(5.0)] * 3 + [0.25] * 3)
@@ -27,7 +39,8 @@ class PairResult:
     """`T_a_b` (4, 4) with covariance (6, 6), right perturbation, or why there is none.
 
     `inliers` gives, per exposure, the candidates of a and of b that agree. `rms_m` is their
-    distance.
+    distance. `target_scale`: the factor on the target's dimensions in the rig file with which the
+    pair would agree, if there is one and it does not agree otherwise.
     """
 
     a: str
@@ -38,6 +51,7 @@ class PairResult:
     inliers: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     rms_m: float = float("nan")
     reason: str = ""
+    target_scale: float | None = None
 
 
 def calibrate_pair(
@@ -58,20 +72,66 @@ def calibrate_pair(
         kinds = sorted({type(o.candidates[0].geometry).__name__ for p in pairs for o in p})
         reason = f"{' and '.join(kinds)} do not determine a transform" if pairs else "no exposure"
         return PairResult(a, b, shared, reason=reason)
+    needed = _needed(c, pairs)
     T, reason = _ransac(c, pairs, rng)
     if T is None:
-        return PairResult(a, b, shared, reason=reason)
+        return _disagreement(c, pairs, needed, rng, PairResult(a, b, shared, reason=reason))
     T, keep, information = _refine(c, T)
-    needed = 1 if c.on_points and c.p_b.shape[1] >= 3 else 3
-    if len(keep) < max(needed, 2 if shared > 1 else 1):
-        reason = f"only {len(keep)} of {shared} exposures agree on a transform"
-        return PairResult(a, b, shared, reason=reason)
+    reason = f"only {len(keep)} of {shared} exposures agree on a transform ({needed} needed)"
+    if len(keep) < needed:
+        return _disagreement(c, pairs, needed, rng, PairResult(a, b, shared, reason=reason))
+    if len(keep) < _DOUBTFUL_SHARE * len(np.unique(c.exposure)):
+        more = math.ceil(1.3 * len(keep))
+        doubt = _disagreement(c, pairs, more, rng, PairResult(a, b, shared, reason=reason))
+        if doubt.target_scale is not None:
+            return doubt
     covariance, reason = _covariance(information)
     if covariance is None:
         return PairResult(a, b, shared, reason=f"{len(keep)} exposures agree, but {reason}")
     inliers = {pairs[c.exposure[h]][0].exposure: (int(c.a[h]), int(c.b[h])) for h in keep}
     rms = float(np.sqrt(np.mean(c.distances(T[None])[0][0, keep] ** 2)))
     return PairResult(a, b, shared, T, covariance, inliers, rms)
+
+
+def _needed(c: Correspondences, pairs: Sequence[tuple[Observation, Observation]]) -> int:
+    """How many exposures must agree: more than a minimal sample, which agrees with itself."""
+    exposures = len(np.unique(c.exposure))
+    first, second = (pairs[c.exposure[0]][s].candidates[0].geometry for s in (0, 1))
+    if isinstance(first, PoseGeometry) and isinstance(second, PoseGeometry):
+        return 1 + math.ceil(_LEAST_SHARE * (exposures - 1))
+    share = _LEAST_SHARE_OF_LINES if isinstance(second, LineGeometry) else _LEAST_SHARE
+    return 3 + max(2, math.ceil(share * (exposures - 3)))
+
+
+def _disagreement(
+    c: Correspondences,
+    pairs: Sequence[tuple[Observation, Observation]],
+    needed: int,
+    rng: np.random.Generator,
+    result: PairResult,
+) -> PairResult:
+    """The failed result, with the scale of the target that would mend it."""
+    first, second = (pairs[c.exposure[0]][s].candidates[0].geometry for s in (0, 1))
+    if not isinstance(first, PoseGeometry) or not isinstance(second, PlaneGeometry):
+        return result
+    n_b, d_b = _planes_of_b(c, pairs, np.arange(len(c.exposure)))
+    found = scale_that_agrees(c, n_b, d_b, needed, rng)
+    if found is None:
+        return result
+    scale, count = found
+    reason = f"{result.reason}; {count} would if the target were {scale:.3g} times as large"
+    return replace(result, reason=reason, target_scale=scale)
+
+
+def _planes_of_b(
+    c: Correspondences,
+    pairs: Sequence[tuple[Observation, Observation]],
+    h: NDArray[np.int64],
+) -> tuple[Array, Array]:
+    """Normals (..., 3) and distances (...) of the planes that b saw in correspondences h (...)."""
+    planes = [plane_of(pairs[c.exposure[i]][1].candidates[c.b[i]].geometry) for i in h.flat]
+    n_b = np.array([p[0] for p in planes]).reshape(*h.shape, 3)
+    return n_b, np.array([p[1] for p in planes]).reshape(h.shape)
 
 
 def _scores(c: Correspondences, T: Array) -> tuple[Array, Array]:
@@ -143,9 +203,7 @@ def _hypotheses(
             c.n_a[sample], c.d_a[sample], c.p_b[sample, 0], v, rotations
         )
         return _plausible(c, T)
-    planes = [plane_of(pairs[c.exposure[h]][1].candidates[c.b[h]].geometry) for h in sample.flat]
-    n_b = np.array([p[0] for p in planes]).reshape(*sample.shape, 3)
-    d_b = np.array([p[1] for p in planes]).reshape(sample.shape)
+    n_b, d_b = _planes_of_b(c, pairs, sample)
     return solvers.from_planes(c.n_a[sample], c.d_a[sample], n_b, d_b)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import networkx as nx
 import numpy as np
 
-from rigcal.errors import NotConnectedError
+from rigcal.errors import NotConnectedError, TargetSizeError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.pairwise import PairResult
@@ -35,6 +35,7 @@ def spanning_tree(
             graph.add_edge(pair.a, pair.b, weight=_variance(pair), pair=pair)
     components = list(nx.connected_components(graph))
     if len(components) > 1:
+        _check_target_size(pairs)
         raise NotConnectedError(_explain(root, components, pairs))
     poses = {root: np.eye(4)}
     used = []
@@ -49,6 +50,17 @@ def spanning_tree(
             poses[child] = poses[parent] @ se3.inverse(pair.T_a_b)
         used.extend([pair] if pair is not None else [])
     return poses, tuple(used)
+
+
+def _check_target_size(pairs: Sequence[PairResult]) -> None:
+    scales = {f"{p.a} - {p.b}": p.target_scale for p in pairs if p.target_scale is not None}
+    if scales:
+        each = ", ".join(f"{pair}: {scale:.3g}" for pair, scale in scales.items())
+        raise TargetSizeError(
+            "the target's dimensions in the rig file contradict the ranges of the lasers: the "
+            f"sensors would agree if it were {np.median(list(scales.values())):.3g} times as large "
+            f"({each}). Measure the printed target and correct its sizes in metres"
+        )
 
 
 def _variance(pair: PairResult) -> float:

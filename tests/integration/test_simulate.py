@@ -1,0 +1,124 @@
+"""The simulator with the sensor types of the other packages."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from rigcal import Registry, load_rig, parse_rig
+from rigcal.cli import main
+from rigcal.recording import Source, open_recording
+from rigcal.rig import build_targets
+from rigcal_sim.dataset import simulate
+from rigcal_sim.poses import sample_board_poses
+from rigcal_sim.scenario import ScenarioConfig, load_scenario
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+DEMO = Path(str(files("rigcal_sim") / "demo"))
+BOARD = {"type": "apriltag_grid", "columns": 3, "rows": 2, "tag_size_m": 0.2, "tag_gap_m": 0.05}
+SMALL: dict[str, Any] = {
+    "version": 1,
+    "root": "front",
+    "targets": {"board": BOARD | {"width_m": 0.9, "height_m": 0.6}},
+    "sensors": {
+        "cam": {
+            "type": "camera", "topic": "/cam/image_raw", "width_px": 320, "height_px": 240,
+            "focal_px": [200.0, 200.0], "principal_px": [159.5, 119.5],
+            "pose": {
+                "parent": "front", "translation_m": [0, 0, 0.2], "rpy_deg": [-90.0, 0.0, -90.0]
+            },
+        },
+        "front": {
+            "type": "lrf2d", "topic": "/scan", "range_max_m": 10.0,
+            "angle_min_deg": -90.0, "angle_max_deg": 90.0, "angle_step_deg": 1.0,
+        },
+        "lidar": {
+            "type": "lrf3d", "topic": "/points",
+            "scan": {"pattern": "multibeam", "elevations_deg": [-5, 0, 5], "azimuth_step_deg": 2.0},
+            "pose": {"parent": "front", "translation_m": [-0.1, 0, 0.3]},
+        },
+    },
+}  # fmt: skip
+SCENARIO = ScenarioConfig.model_validate(
+    {
+        "board": {"bearings_deg": [-15, 0, 15], "radii_m": [1.4, 1.8]},
+        "room": {"size_m": [8, 7, 3]},
+        "person": True,
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def registry() -> Registry:
+    return Registry.from_entry_points()
+
+
+def test_workers_do_not_change_a_byte(registry: Registry, tmp_path: Path) -> None:
+    rig = parse_rig(SMALL, registry)
+    for jobs in (1, 2):
+        simulate(rig, registry, SCENARIO, 5, tmp_path / str(jobs), jobs=jobs)
+    for name in ("recording.mcap", "truth.yaml"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+
+
+def test_a_recording_holds_standard_messages(registry: Registry, tmp_path: Path) -> None:
+    rig = parse_rig(SMALL, registry)
+    summary = simulate(
+        rig, registry, SCENARIO, 5, tmp_path, formats=("mcap", "bag"), poses=2, jobs=1
+    )
+    for path in summary.recordings:
+        with open_recording(path) as recording:
+            assert recording.contents() == {
+                "/cam/camera_info": ("sensor_msgs/msg/CameraInfo", 2),
+                "/cam/image_raw": ("sensor_msgs/msg/Image", 2),
+                "/points": ("sensor_msgs/msg/PointCloud2", 2),
+                "/scan": ("sensor_msgs/msg/LaserScan", 2),
+                "/tf_static": ("tf2_msgs/msg/TFMessage", 1),
+            }
+            image, _ = recording.read(Source(topic="/cam/image_raw"))
+            info, _ = recording.read(Source(topic="/cam/camera_info"))
+        assert image.stamp_ns == info.stamp_ns
+        assert image.value.header.frame_id == info.value.header.frame_id == "cam"
+
+
+def test_the_command_simulates_where_the_sensors_look(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(yaml.safe_dump(SMALL))
+    with pytest.raises(SystemExit) as exit_:
+        main(["simulate", str(rig), "--out", str(tmp_path / "out"), "--poses", "2", "--json"])
+    assert exit_.value.code == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["exposures"] == 2
+    assert Path(answer["truth"]).is_file()
+    assert [Path(path).name for path in answer["recordings"]] == ["recording.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("rig_file", "scenario_file", "exposures", "cameras"),
+    [
+        (DEMO / "rig.yaml", DEMO / "scenario.yaml", 40, 10),
+        (EXAMPLES / "husky.yaml", EXAMPLES / "husky_scenario.yaml", 120, 30),
+    ],
+)
+def test_every_sensor_of_the_shipped_rigs_sees_enough_boards(
+    rig_file: Path, scenario_file: Path, exposures: int, cameras: int, registry: Registry
+) -> None:
+    rig, scenario = load_rig(rig_file, registry), load_scenario(scenario_file)
+    target = build_targets(rig, registry)["board"]
+    poses = sample_board_poses(rig, registry, target, scenario, seed=0)
+    assert len(poses.T_w_t) == exposures
+    seen = {name: sum(name in sensors for sensors in poses.seen_by) for name in rig.sensors}
+    assert min(seen.values()) >= cameras
+    for i in range(5):
+        pair = {f"cam{i}", f"cam{(i + 1) % 5}"}
+        assert sum(pair <= set(sensors) for sensors in poses.seen_by) >= 3
+    tilts = np.degrees(np.arccos(np.abs(poses.T_w_t[:, 2, 1])))
+    assert np.ptp(tilts) > 20

@@ -54,7 +54,8 @@ def calibrate(
     selections, refused = _select(task, T_root)
     edges = _edges(task, selections)
     boards = {k: s.T_root_t for k, s in selections.items()}
-    solution = estimate(edges, T_root, boards, fixed, progress)
+    own_noise = rig.noise == "estimated"
+    solution = estimate(edges, T_root, boards, fixed, progress, estimate_noise=own_noise)
     _check_used(task, solution, fixed)
     _check_determined(rig, solution)
     return make_result(task, solution, selections, refused, fixed, seed, pairs)

@@ -25,6 +25,7 @@ from rigcal.validation import nearest_of
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _C = TypeVar("_C", bound=BaseModel)
 Association = Literal["nearest", "same_index"]
+Noise = Literal["estimated", "configured"]
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class Rig:
     """A validated rig: `root` is one of `sensors`; every sensor looks at one of `targets`.
 
     `association` says what makes an exposure: stamps within `tolerance_s` of each other
-    ("nearest"), or equal positions in each sensor's stream ("same_index").
+    ("nearest"), or equal positions in each sensor's stream ("same_index"). `noise`: observations
+    weigh by their sensors' noise as estimated from the residuals, or as configured.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Rig:
     sensors: Mapping[str, SensorConfig]
     association: Association = "nearest"
     tolerance_s: float = 0.05
+    noise: Noise = "estimated"
     version: int = 1
 
     def target_of(self, sensor: str) -> str:
@@ -63,6 +66,10 @@ class _RigFile(BaseModel):
         description="an exposure is: stamps within tolerance_s, or equal positions in the streams",
     )
     tolerance_s: float = Field(default=0.05, gt=0, allow_inf_nan=False)
+    noise: Noise = Field(
+        default="estimated",
+        description="sensors weigh by the noise estimated from the residuals, or as configured",
+    )
 
 
 def load_rig(path: Path | str, registry: Registry) -> Rig:

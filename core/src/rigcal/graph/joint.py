@@ -16,6 +16,10 @@ HUBER_K = 1.5
 # that shows only planes: the target's place and turn in its own plane.
 _OPEN_TARGET_SIGMAS = np.array([3.0, 3.0, 3.0, 10.0, 10.0, 10.0])
 _MOST_ITERATIONS = 100
+_ROUNDS, _ITERATIONS_PER_ROUND = 15, 4
+
+Poses = tuple[dict[str, Array], dict[str, Array]]
+"""`T_root_s` by sensor and `T_root_t` by exposure."""
 
 
 def solve(
@@ -23,17 +27,52 @@ def solve(
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     fixed: frozenset[str],
-    *,
-    robust: bool,
-) -> tuple[dict[str, Array], dict[str, Array]]:
+) -> Poses:
     """Sensor poses `T_root_s` and target poses `T_root_t` that minimise the sum of squares.
 
     `sensors` and `targets` hold first poses (4, 4); those named in `fixed` (the root among them)
-    stay as they are. One factor per edge, evaluated as one numpy call; `robust` gives each block
-    of an edge Huber's weight. NotConvergedError if the minimum was not reached.
+    stay as they are. One factor per edge, evaluated as one numpy call. NotConvergedError if the
+    minimum was not reached.
     """
+    return _minimise(edges, (dict(sensors), dict(targets)), fixed, {}, _MOST_ITERATIONS)
+
+
+def solve_robust(
+    edges: Sequence[SensorTargetEdge],
+    sensors: Mapping[str, Array],
+    targets: Mapping[str, Array],
+    fixed: frozenset[str],
+) -> Poses:
+    """The same with Huber's loss on each block, by iteratively reweighted least squares.
+
+    (P. J. Huber, Robust Statistics, 1981, ch. 7.) It serves as a start that outliers have not
+    dragged away, so it stops when the weights hardly change.
+    """
+    poses: Poses = dict(sensors), dict(targets)
+    weights: dict[int, Array] = {}
+    for _ in range(_ROUNDS):
+        before = weights
+        weights = {}
+        for i, edge in enumerate(edges):
+            r, _, _ = edge.evaluate(poses[0][edge.sensor], poses[1][edge.exposure])
+            weights[i] = huber_weights(r, edge.residual.block, HUBER_K)
+        if before and max(float(np.abs(weights[i] - before[i]).max()) for i in weights) < 0.05:
+            break
+        poses = _minimise(edges, poses, fixed, weights, _ITERATIONS_PER_ROUND)
+    return poses
+
+
+def _minimise(
+    edges: Sequence[SensorTargetEdge],
+    poses: Poses,
+    fixed: frozenset[str],
+    weights: Mapping[int, Array],
+    iterations: int,
+) -> Poses:
+    """Weighted least squares; `weights` (m,) multiply the rows of an edge, by its number."""
     import gtsam
 
+    sensors, targets = poses
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     sensor_keys = {s: gtsam.symbol("s", i) for i, s in enumerate(sensors) if s not in fixed}
     target_keys = {k: gtsam.symbol("t", i) for i, k in enumerate(targets)}
@@ -43,14 +82,14 @@ def solve(
     for exposure, key in target_keys.items():
         values.insert(key, gtsam.Pose3(targets[exposure]))
         graph.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(targets[exposure]), weak))
-    for edge in edges:
+    for i, edge in enumerate(edges):
         keys = [target_keys[edge.exposure]]
         if edge.sensor in sensor_keys:
             keys.insert(0, sensor_keys[edge.sensor])
         noise = gtsam.noiseModel.Unit.Create(edge.rows)
-        error = _error_function(edge, sensors[edge.sensor], robust)
+        error = _error_function(edge, sensors[edge.sensor], weights.get(i))
         graph.add(gtsam.CustomFactor(noise, keys, error))
-    values = _optimise(gtsam, graph, values)
+    values = _optimise(gtsam, graph, values, iterations)
     return (
         {
             s: values.atPose3(sensor_keys[s]).matrix() if s in sensor_keys else T
@@ -61,16 +100,15 @@ def solve(
 
 
 def _error_function(
-    edge: SensorTargetEdge, T_root_s_fixed: Array, robust: bool
+    edge: SensorTargetEdge, T_root_s_fixed: Array, weights: Array | None
 ) -> Callable[[Any, Any, Any], Array]:
     def error(factor: Any, values: Any, jacobians: Any) -> Array:
         keys = factor.keys()
         free = len(keys) == 2
         T_root_s = values.atPose3(keys[0]).matrix() if free else T_root_s_fixed
         r, J_s, J_t = edge.evaluate(T_root_s, values.atPose3(keys[-1]).matrix())
-        if robust:
-            w = huber_weights(r, edge.residual.block, HUBER_K)
-            r, J_s, J_t = w * r, w[:, None] * J_s, w[:, None] * J_t
+        if weights is not None:
+            r, J_s, J_t = weights * r, weights[:, None] * J_s, weights[:, None] * J_t
         if jacobians is not None:
             if free:
                 jacobians[0] = np.asfortranarray(J_s)
@@ -80,14 +118,15 @@ def _error_function(
     return error
 
 
-def _optimise(gtsam: Any, graph: Any, values: Any) -> Any:
+def _optimise(gtsam: Any, graph: Any, values: Any, iterations: int) -> Any:
     parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setMaxIterations(_MOST_ITERATIONS)
+    parameters.setMaxIterations(iterations)
     parameters.setRelativeErrorTol(1e-9)
     parameters.setAbsoluteErrorTol(1e-9)
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
     result = optimizer.optimize()
-    if not np.isfinite(optimizer.error()) or optimizer.iterations() >= _MOST_ITERATIONS:
+    unfinished = optimizer.iterations() >= _MOST_ITERATIONS
+    if unfinished or not np.isfinite(optimizer.error()):
         raise NotConvergedError(
             f"the global estimate did not converge in {optimizer.iterations()} iterations (error "
             f"{optimizer.error():.4g}); check the sensors' intrinsics and the target's size"

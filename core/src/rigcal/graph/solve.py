@@ -43,29 +43,35 @@ def estimate(
     targets: Mapping[str, Array],
     fixed: frozenset[str],
     progress: Progress | None = None,
+    *,
+    estimate_noise: bool = True,
 ) -> Solution:
     """Maximum likelihood on the inliers.
 
-    A robust stage (Huber) first; then rounds of: the noise of every sensor from its residuals,
-    a chi-square test of every edge and block, a solution on what remains, until that stays the
-    same. NotConvergedError if a solution is not reached.
+    A robust stage (Huber) first; then rounds of: the noise of every sensor from its residuals, a
+    chi-square test of every edge and block, a solution on what remains, until that stays the same.
+    With `estimate_noise` false the configured noise weighs the edges, and the estimated one is
+    only reported. NotConvergedError if a solution is not reached.
     """
     tell = progress or (lambda *_: None)
     tell("global estimate", 0, _MOST_ROUNDS + 1)
-    poses, boards = joint.solve(edges, sensors, targets, fixed, robust=True)
+    poses, boards = joint.solve_robust(edges, sensors, targets, fixed)
     info = information(edges, poses, boards, fixed)
     alive, dropped, scales = list(edges), dict[tuple[str, str], str](), _scales(info.fits, {})
     for round_ in range(_MOST_ROUNDS):
         tell("global estimate", round_ + 1, _MOST_ROUNDS + 1)
         before = _signature(alive)
-        alive, dropped = _inliers(edges, alive, poses, boards, fixed, scales)
+        weights = scales if estimate_noise else dict.fromkeys(scales, 1.0)
+        alive, dropped = _inliers(edges, poses, boards, fixed, weights)
         used = {e.exposure for e in alive}
         boards = {k: T for k, T in boards.items() if k in used}
         edges = [e for e in edges if e.exposure in used]
-        poses, boards = joint.solve(alive, poses, boards, fixed, robust=False)
+        poses, boards = joint.solve(alive, poses, boards, fixed)
         info = information(alive, poses, boards, fixed)
         scales = _scales(info.fits, scales)
-        settled = all(abs(scales[e.sensor] / e.scale - 1) < 0.01 for e in alive)
+        settled = not estimate_noise or all(
+            abs(scales[e.sensor] / e.scale - 1) < 0.01 for e in alive
+        )
         if _signature(alive) == before and settled:
             break
     tell("global estimate", _MOST_ROUNDS + 1, _MOST_ROUNDS + 1)
@@ -137,7 +143,6 @@ def _median_scale(chi2: Array, dof: Array) -> float:
 
 def _inliers(
     edges: Sequence[SensorTargetEdge],
-    alive: Sequence[SensorTargetEdge],
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     fixed: frozenset[str],

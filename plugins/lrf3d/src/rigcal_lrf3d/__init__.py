@@ -7,6 +7,7 @@ from rigcal.plugin.contract import SensorType
 from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode
 from rigcal_lrf3d.config import Lrf3dConfig, MultibeamScan, SpinningScan
 from rigcal_lrf3d.detector import detect
+from rigcal_lrf3d.feature import observe
 from rigcal_lrf3d.residual import errors, residual
 from rigcal_lrf3d.simulator import MESSAGE_TYPE, encode, sees, simulate
 
@@ -28,6 +29,7 @@ LRF3D = SensorType(
     residual=residual,
     errors=errors,
     unit="m",
+    observe=observe,
     simulate=simulate,
     encode=encode,
     message_type=MESSAGE_TYPE,

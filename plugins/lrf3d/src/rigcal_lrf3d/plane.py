@@ -17,6 +17,9 @@ _TRIM = 3.5
 _CELL_BIAS = 1.2
 """How far (in sigmas) the mean error on a small part of the board may lie off."""
 
+_GRAZING = 0.05
+"""Beams whose cosine of incidence is smaller tell nothing of a plane."""
+
 _MAX_SCALE = 2.5
 """How far the trimming may widen when the returns are noisier than the rig file says."""
 
@@ -79,7 +82,8 @@ def fit(points: Array, n: Array, d: float, config: Lrf3dConfig, cell: float) -> 
     hands) are dropped and those within taken back; so are all of a square of `cell` (m) whose mean
     is off (a finger is too near for a single return to tell). None if too few returns remain.
     """
-    inliers = np.abs(points @ n + d) < 2 * _TRIM * config.sigma_m
+    steep = np.abs(range_errors(points, n, d)[1]) > _GRAZING
+    inliers = steep & (np.abs(points @ n + d) < 2 * _TRIM * config.sigma_m)
     for _ in range(8):
         if inliers.sum() < 6:
             return None
@@ -87,10 +91,10 @@ def fit(points: Array, n: Array, d: float, config: Lrf3dConfig, cell: float) -> 
         error, cosine = range_errors(points, n, d)
         whitened = error / range_sigma(np.linalg.norm(points, axis=1), cosine, config)
         scale = np.clip(1.4826 * np.median(np.abs(whitened[inliers])), 1.0, _MAX_SCALE)
-        near = np.abs(whitened) < _TRIM * scale
-        previous, inliers = (
-            inliers,
-            near & _in_good_cells(beam_feet(points, n, d), n, whitened / scale, near, cell),
+        previous, near = inliers, (np.abs(whitened) < _TRIM * scale) & (np.abs(cosine) > _GRAZING)
+        inliers = near.copy()
+        inliers[near] = _in_good_cells(
+            beam_feet(points[near], n, d), n, whitened[near] / scale, cell
         )
         if np.array_equal(previous, inliers):
             break
@@ -130,22 +134,17 @@ def _step(
     return n_new, d_new, center, covariance, float(np.sqrt(np.mean((error / sigma) ** 2)))
 
 
-def _in_good_cells(
-    feet: Array, n: Array, whitened: Array, near: NDArray[np.bool_], cell: float
-) -> NDArray[np.bool_]:
+def _in_good_cells(feet: Array, n: Array, whitened: Array, cell: float) -> NDArray[np.bool_]:
     """Which beams, by their feet (N, 3), lie in squares whose mean error is that of a board.
 
     A mean of k errors is off beyond `_CELL_BIAS + 3.5 / sqrt(k)` sigmas: the first part is what
     rings of a multi-beam laser differ by.
     """
-    bins = np.floor(feet @ tangent_basis(n) / cell).astype(np.int64)
-    bins -= bins.min(axis=0)
-    index = bins[:, 0] * (bins[:, 1].max() + 1) + bins[:, 1]
-    count = np.maximum(np.bincount(index[near], minlength=int(index.max()) + 1), 1)
-    mean = np.bincount(index[near], whitened[near], minlength=len(count)) / count
+    squares = np.floor(feet @ tangent_basis(n) / cell)
+    _, index, count = np.unique(squares, axis=0, return_inverse=True, return_counts=True)
+    mean = np.bincount(index, whitened, minlength=len(count)) / count
     good: NDArray[np.bool_] = np.abs(mean) < _CELL_BIAS + _TRIM / np.sqrt(count)
-    result: NDArray[np.bool_] = good[index]
-    return result
+    return good[index]
 
 
 def coarse(points: Array, thickness: float) -> tuple[Array, float]:

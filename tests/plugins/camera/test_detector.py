@@ -31,7 +31,7 @@ def distance(a, b):
 @pytest.mark.parametrize("kind", [*KINDS, "chess"])
 def test_pose_and_corners_of_a_rendered_board(kind, lens, board, camera, pose, photograph):
     config, target = camera(**lens), board[kind]
-    for view in VIEWS:
+    for view in VIEWS if lens == {} else VIEWS[:1]:
         T_s_t = pose(*view)
         found = only(CAMERA.detect(photograph(target, T_s_t, config), config, target))
         index, uv = found.measurement["index"], found.measurement["uv"]
@@ -143,12 +143,12 @@ def test_the_back_of_a_board_is_no_board(board, camera, photograph):
 
 
 def test_covariance_of_the_pose_matches_its_scatter(board, camera, pose):
-    """Mean squared Mahalanobis distance over 200 draws, expected 6 +- 0.25."""
+    """Mean squared Mahalanobis distance over 100 draws, expected 6 +- 0.35."""
     target, config, T_s_t = board["april"], camera(), pose(*TURNED)
     rng = np.random.default_rng(5)
     nees = []
-    for _ in range(200):
+    for _ in range(100):
         geometry = CAMERA.observe(T_s_t, config, target, rng).geometry
         error = se3.log(se3.inverse(geometry.T_s_t) @ T_s_t)
         nees.append(error @ np.linalg.solve(geometry.covariance, error))
-    assert 5.2 < np.mean(nees) < 6.8
+    assert 4.9 < np.mean(nees) < 7.1

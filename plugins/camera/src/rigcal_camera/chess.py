@@ -27,7 +27,7 @@ def find_checkerboard_corners(image: Image, target: Target, lens: Lens) -> Corne
             f"no checkerboard of {columns} x {rows} inner corners found (all of them must be in "
             "the image, with a white margin around the squares)"
         )
-    grid = _right_handed(uv.reshape(rows, columns, 2))
+    grid = _right_handed(uv)
     turns = (0, 1, 2, 3) if rows == columns else (0, 2)
     turned = [np.rot90(grid, turn) for turn in turns]
     expected = _square_greys(target)
@@ -37,22 +37,35 @@ def find_checkerboard_corners(image: Image, target: Target, lens: Lens) -> Corne
 
 
 def _chessboard(image: Image, columns: int, rows: int) -> Array | None:
+    """Corners (rows, columns, 2) in the order in which OpenCV saw them.
+
+    `cornerSubPix` with a window of 0.4 squares is three times as accurate as the positions of
+    `findChessboardCornersSB`, which finds some boards that the other search does not.
+    """
     import cv2
 
     size = (columns, rows)
-    found, uv = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
-    if found:
-        result: Array = np.asarray(uv, dtype=np.float64).reshape(-1, 2)
-        return result
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
     found, uv = cv2.findChessboardCorners(image, size, flags=flags)
     if not found:
+        found, uv = cv2.findChessboardCornersSB(image, size)
+    if not found:
         return None
-    uv = np.asarray(uv, dtype=np.float64).reshape(rows, columns, 2)
-    across = np.linalg.norm(np.diff(uv, axis=1), axis=2).min()
-    down = np.linalg.norm(np.diff(uv, axis=0), axis=2).min()
-    window = np.full(rows * columns, 0.4 * min(across, down))
-    return refine_saddles(image, uv.reshape(-1, 2), window)
+    grid: Array = np.asarray(uv, dtype=np.float64).reshape(rows, columns, 2)
+    refined = refine_saddles(image, grid.reshape(-1, 2), 0.4 * _spacing(grid).ravel())
+    return refined.reshape(grid.shape)
+
+
+def _spacing(grid: Array) -> Array:
+    """Distance (rows, columns) from each corner to the nearest of its neighbours in the grid."""
+    across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
+    down = np.linalg.norm(np.diff(grid, axis=0), axis=2)
+    across = np.pad(across, ((0, 0), (1, 1)), constant_values=np.inf)
+    down = np.pad(down, ((1, 1), (0, 0)), constant_values=np.inf)
+    result: Array = np.minimum(
+        np.minimum(across[:, 1:], across[:, :-1]), np.minimum(down[1:], down[:-1])
+    )
+    return result
 
 
 def _right_handed(grid: Array) -> Array:
@@ -75,7 +88,8 @@ def _square_greys(target: Target) -> Array:
     grey = np.ones(centres.shape[:-1])
     for patch in target.patches:
         grey[inside_convex(centres, patch.polygon)] = patch.grey
-    return grey - grey.mean()
+    result: Array = grey - grey.mean()
+    return result
 
 
 @lru_cache(maxsize=8)

@@ -54,10 +54,10 @@ def refine_saddles(image: Image, uv: Array, window: Array) -> Array:
 
 
 def sample(image: Image, uv: Array) -> Array:
-    """Grey values (...) at pixels (..., 2), bilinear; the nearest border outside the image."""
+    """Grey values (n, ...) at pixels (n, ..., 2), bilinear; the border's outside the image."""
     import cv2
 
-    flat = np.asarray(uv, dtype=np.float32).reshape(-1, 1, 2)
+    flat = np.asarray(uv, dtype=np.float32).reshape(len(uv), -1, 2)
     u, v = np.ascontiguousarray(flat[..., 0]), np.ascontiguousarray(flat[..., 1])
     grey = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     result: Array = np.asarray(grey, dtype=np.float64).reshape(uv.shape[:-1])

@@ -80,7 +80,9 @@ def normalised(lens: Lens, uv: Array) -> tuple[Array, NDArray[np.bool_]]:
     return np.where(usable[:, None], rays[:, :2] / z[:, None], 0.0), usable
 
 
-def homography_inliers(lens: Lens, p_t: Array, uv: Array) -> NDArray[np.bool_]:
+def homography_inliers(
+    lens: Lens, p_t: Array, uv: Array, iterations: int = 500
+) -> NDArray[np.bool_]:
     """Which corners (N,) agree on one homography from the target to the undistorted image."""
     import cv2
 
@@ -89,7 +91,11 @@ def homography_inliers(lens: Lens, p_t: Array, uv: Array) -> NDArray[np.bool_]:
         return np.zeros(len(uv), dtype=bool)
     threshold = _RANSAC_PX / min(lens.focal)
     _, mask = cv2.findHomography(
-        np.ascontiguousarray(p_t[usable, :2]), xy[usable], cv2.RANSAC, threshold, maxIters=500
+        np.ascontiguousarray(p_t[usable, :2]),
+        xy[usable],
+        cv2.RANSAC,
+        threshold,
+        maxIters=iterations,
     )
     inliers = usable.copy()
     inliers[usable] = False if mask is None else mask.ravel().astype(bool)

@@ -12,6 +12,7 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.targets.target import Target
 from rigcal_camera.corners import Corners, no_corners, refine_saddles, sample
+from rigcal_camera.edges import refine_by_edges
 from rigcal_camera.frames import Image
 from rigcal_camera.lens import Lens
 from rigcal_camera.pose import PoseFit, fit_poses, homography_inliers
@@ -19,7 +20,11 @@ from rigcal_camera.pose import PoseFit, fit_poses, homography_inliers
 _MIN_TAGS = 2
 _MIN_MARGIN = 10.0
 _MAX_HAMMING = 1
-_COMPLETION_ROUNDS = 2
+_COARSE_PX = 40.0
+_COMPLETION_ROUNDS = 8
+_SETTLED_PX = 0.05
+
+_WINDOW = 1.0
 
 Tags = tuple[NDArray[np.int64], Array]
 """Ids (n,) and corners (n, 4, 2), anticlockwise as seen, from an unknown first corner."""
@@ -28,13 +33,17 @@ Tags = tuple[NDArray[np.int64], Array]
 def find_tag_corners(image: Image, target: Target, lens: Lens) -> Corners:
     """Corners of every tag of the target found in the image."""
     config: Any = target.config
+    family = getattr(config, "family", "tag36h11")
     border_cells = getattr(config, "border_cells", 1)
     saddles = getattr(config, "corner_squares", False)
     if border_cells == 1 and not saddles:
-        tags = _bare_tags(image, target)
+        ids, uv = _bare_tags(image, family, set(target.groups["tag_ids"].tolist()))
     else:
-        tags = _aruco_tags(image, config.family, border_cells, refine=not saddles)
-    corners = _labelled(*tags, target, lens)
+        ids, uv = _aruco_tags(image, family, border_cells)
+    if not saddles and len(ids):
+        cell = 1 / (_code_cells(family) + 2 * border_cells)
+        uv = refine_by_edges(image, uv, lens, cell)
+    corners = _labelled(ids, uv, target, lens)
     if saddles and len(corners):
         return _completed(image, corners, target, lens)
     return corners
@@ -59,7 +68,7 @@ def _labelled(ids: NDArray[np.int64], uv: Array, target: Target, lens: Lens) -> 
     index, pixels = tag_corners[rows], uv[known]
     points = target.points[index.ravel()]
     turned = [np.roll(pixels, turn, axis=1).reshape(-1, 2) for turn in range(4)]
-    support = [int(homography_inliers(lens, points, t).sum()) for t in turned]
+    support = [int(homography_inliers(lens, points, t, iterations=60).sum()) for t in turned]
     if max(support) < 4 * _MIN_TAGS:
         return no_corners(
             f"{known.sum()} tags with ids of '{target.name}' do not lie as on the board: check "
@@ -75,42 +84,56 @@ def _april_detector(family: str, decimate: float) -> Any:
     return Detector(families=family, nthreads=1, quad_decimate=decimate)
 
 
-def _bare_tags(image: Image, target: Target) -> Tags:
-    """Tags by the AprilTag library; at full resolution if half of it shows too few."""
-    family = getattr(target.config, "family", "tag36h11")
-    wanted = set(target.groups["tag_ids"].tolist())
-    for decimate in (2.0, 1.0):
-        found = {}
-        detections = _april_detector(family, decimate).detect(image)
-        for tag in sorted(detections, key=lambda tag: tag.decision_margin):
-            if tag.hamming <= _MAX_HAMMING and tag.decision_margin >= _MIN_MARGIN:
-                found[int(tag.tag_id)] = tag.corners
-        if len(wanted & set(found)) >= _MIN_TAGS:
-            break
+def _bare_tags(image: Image, family: str, wanted: set[int]) -> Tags:
+    """Tags by the AprilTag library; at full resolution if half of it may be too coarse for some."""
+    ids, uv = _detected(image, family, 2.0)
+    side = np.linalg.norm(uv - np.roll(uv, 1, axis=1), axis=2)
+    missing = len(wanted.difference(ids.tolist()))
+    if missing and (len(ids) < _MIN_TAGS or side.min() < _COARSE_PX):
+        ids, uv = _detected(image, family, 1.0)
+    return ids, uv
+
+
+def _detected(image: Image, family: str, decimate: float) -> Tags:
+    found = {}
+    detections = _april_detector(family, decimate).detect(image)
+    for tag in sorted(detections, key=lambda tag: tag.decision_margin):
+        if tag.hamming <= _MAX_HAMMING and tag.decision_margin >= _MIN_MARGIN:
+            found[int(tag.tag_id)] = tag.corners
     # The library's pixel (0, 0) is the corner of the first pixel, OpenCV's its centre.
     corners = np.array([*found.values()]).reshape(-1, 4, 2) - 0.5
     return np.array([*found], dtype=np.int64), corners
 
 
 @lru_cache(maxsize=8)
-def _aruco_detector(family: str, border_cells: int, refine: bool) -> Any:
+def _aruco_detector(family: str, border_cells: int) -> Any:
     import cv2
 
     name = f"DICT_APRILTAG_{family.removeprefix('tag')}"
     parameters = cv2.aruco.DetectorParameters()
     parameters.markerBorderBits = border_cells
-    parameters.adaptiveThreshWinSizeMax = 33
-    if refine:
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
+    # Generous, for oblique and distant tags: the grid's geometry sorts out what is wrong.
+    parameters.errorCorrectionRate = 0.9
+    parameters.polygonalApproxAccuracyRate = 0.05
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     return cv2.aruco.ArucoDetector(dictionary, parameters)
 
 
-def _aruco_tags(image: Image, family: str, border_cells: int, refine: bool) -> Tags:
-    corners, ids, _ = _aruco_detector(family, border_cells, refine).detectMarkers(image)
+def _aruco_tags(image: Image, family: str, border_cells: int) -> Tags:
+    """Tags with wide borders by OpenCV; in the image enlarged twice if they seem to be small."""
+    import cv2
+
+    detector = _aruco_detector(family, border_cells)
+    corners, ids, _ = detector.detectMarkers(image)
+    scale = 1
+    if ids is None or len(ids) < _MIN_TAGS:
+        scale = 2
+        size = (image.shape[1] * scale, image.shape[0] * scale)
+        enlarged = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
+        corners, ids, _ = detector.detectMarkers(enlarged)
     if ids is None:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 4, 2))
-    found = np.array(corners, dtype=np.float64).reshape(-1, 4, 2)
+    found = (np.array(corners, dtype=np.float64).reshape(-1, 4, 2) + 0.5) / scale - 0.5
     # OpenCV goes clockwise.
     return np.asarray(ids, dtype=np.int64).ravel(), found[:, ::-1]
 
@@ -121,18 +144,20 @@ def _completed(image: Image, seed: Corners, target: Target, lens: Lens) -> Corne
     Prediction goes through the pose and the lens model; each corner is then the saddle point
     between the tag and the square that touch in it, if the image shows one there.
     """
-    corners = seed
+    corners, last = seed, seed.uv[:0]
     for _ in range(_COMPLETION_ROUNDS):
         fits = fit_poses(lens, target.points[corners.index], corners.uv)
         if not fits:
             return no_corners(f"{len(seed) // 4} tags found, but no pose explains their corners")
-        completed = _saddles(image, fits[0], target, lens)
-        if len(completed) < 4 * _MIN_TAGS:
+        corners = _saddles(image, fits[0], target, lens)
+        if len(corners) < 4 * _MIN_TAGS:
             return no_corners(
-                f"{len(seed) // 4} tags found, but only {len(completed)} of their corners touch a "
+                f"{len(seed) // 4} tags found, but only {len(corners)} of their corners touch a "
                 "black square as `corner_squares: true` says"
             )
-        corners = completed
+        if len(corners) == len(last) and np.abs(corners.uv - last).max() < _SETTLED_PX:
+            break
+        last = corners.uv
     return corners
 
 
@@ -151,14 +176,16 @@ def _saddles(image: Image, fit: PoseFit, target: Target, lens: Lens) -> Corners:
     uv, _, _ = lens.pixels_from_points(p_s)
     uv, inside = uv.reshape(-1, 5, 2), lens.sees(p_s).reshape(-1, 5).all(axis=1)
     predicted = uv[:, 0]
-    reach = np.linalg.norm(uv[:, 1:] - predicted[:, None], axis=2).min(axis=1) / np.sqrt(2)
-    window = 0.8 * reach * min(config.gap_m, 1.5 * cell) / step
+    # Pixels per metre in the direction in which the view foreshortens most.
+    diagonals = np.stack([uv[:, 1] - uv[:, 2], uv[:, 3] - uv[:, 4]], axis=-1)
+    scale = np.linalg.svd(diagonals, compute_uv=False)[:, -1] / (2 * np.sqrt(2) * step)
+    window = _WINDOW * scale * min(config.gap_m, 1.5 * cell)
     refined = refine_saddles(image, predicted, window)
     moved = np.linalg.norm(refined - predicted, axis=1)
     grey = sample(image, uv[:, 1:] + (refined - predicted)[:, None])
     contrast = grey[:, 2:].min(axis=1) - grey[:, :2].max(axis=1)
     usual = np.median(contrast[inside]) if inside.any() else 0.0
-    good = inside & (contrast > max(0.4 * usual, 10.0)) & (moved < np.maximum(reach, 2.0))
+    good = inside & (contrast > max(0.4 * usual, 10.0)) & (moved < np.maximum(scale * step, 2.0))
     return Corners(index.ravel()[good], refined[good])
 
 

@@ -82,12 +82,20 @@ def _paint(image: Image, patch: Patch, origin: Array, texel: float) -> None:
         return
     x = np.arange(low[0], high[0], dtype=np.float32)[None, :] + np.float32(0.5)
     y = np.arange(low[1], high[1], dtype=np.float32)[:, None] + np.float32(0.5)
-    cover: NDArray[np.float32] = np.ones((y.size, x.size), dtype=np.float32)
-    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        dx, dy = (end - start) / np.linalg.norm(end - start)
+    share_x, share_y, share = np.ones_like(x), np.ones_like(y), np.ones((1, 1), np.float32)
+    for (start_x, start_y), (end_x, end_y) in zip(polygon, np.roll(polygon, -1, 0), strict=True):
+        dx, dy = np.array([end_x - start_x, end_y - start_y]) / np.hypot(
+            end_x - start_x, end_y - start_y
+        )
         # Anticlockwise seen with y up is clockwise with y down: the inside is on the right.
-        inside = np.float32(dx) * (start[1] - y) - np.float32(dy) * (start[0] - x)
-        cover *= np.clip(inside + 0.5, 0, 1)
+        if abs(dx) < 1e-9:
+            share_x = share_x * np.clip(dy * (x - start_x) + 0.5, 0, 1).astype(np.float32)
+        elif abs(dy) < 1e-9:
+            share_y = share_y * np.clip(dx * (start_y - y) + 0.5, 0, 1).astype(np.float32)
+        else:
+            inside = dy * (x - start_x) + dx * (start_y - y)
+            share = share * np.clip(inside + 0.5, 0, 1).astype(np.float32)
+    cover = share_x * share_y * share
     area = image[low[1] : high[1], low[0] : high[0]]
     area[...] = np.round(area + cover * (255 * patch.grey - area.astype(np.float32)))
 

@@ -17,6 +17,7 @@ HUBER_K = 1.5
 _OPEN_TARGET_SIGMAS = np.array([3.0, 3.0, 3.0, 10.0, 10.0, 10.0])
 _MOST_ITERATIONS = 100
 _ROUNDS, _ITERATIONS_PER_ROUND = 15, 4
+_FAR_M = 1e4
 
 Poses = tuple[dict[str, Array], dict[str, Array]]
 """`T_root_s` by sensor and `T_root_t` by exposure."""
@@ -126,9 +127,15 @@ def _optimise(gtsam: Any, graph: Any, values: Any, iterations: int) -> Any:
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
     result = optimizer.optimize()
     unfinished = optimizer.iterations() >= _MOST_ITERATIONS
-    if unfinished or not np.isfinite(optimizer.error()):
+    if unfinished or not np.isfinite(optimizer.error()) or _has_diverged(gtsam, result):
         raise NotConvergedError(
-            f"the global estimate did not converge in {optimizer.iterations()} iterations (error "
-            f"{optimizer.error():.4g}); check the sensors' intrinsics and the target's size"
+            f"the global estimate did not converge (error {optimizer.error():.4g} after "
+            f"{optimizer.iterations()} iterations); check the sensors' intrinsics and the target's "
+            "size in the rig file"
         )
     return result
+
+
+def _has_diverged(gtsam: Any, values: Any) -> bool:
+    places = gtsam.utilities.extractPose3(values)[:, 9:]
+    return bool(not np.isfinite(places).all() or np.abs(places).max() > _FAR_M)

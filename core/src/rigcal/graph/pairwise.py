@@ -39,8 +39,9 @@ class PairResult:
     """`T_a_b` (4, 4) with covariance (6, 6), right perturbation, or why there is none.
 
     `inliers` gives, per exposure, the candidates of a and of b that agree. `rms_m` is their
-    distance. `target_scale`: the factor on the target's dimensions in the rig file with which the
-    pair would agree, if there is one and it does not agree otherwise.
+    distance. `tests_size`: whether the pair holds the target's dimensions in the rig file against
+    measured ranges; `target_scale`: the factor on them with which the pair would agree, if there
+    is one and it does not agree otherwise.
     """
 
     a: str
@@ -51,6 +52,7 @@ class PairResult:
     inliers: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     rms_m: float = float("nan")
     reason: str = ""
+    tests_size: bool = False
     target_scale: float | None = None
 
 
@@ -72,7 +74,7 @@ def calibrate_pair(
         kinds = sorted({type(o.candidates[0].geometry).__name__ for p in pairs for o in p})
         reason = f"{' and '.join(kinds)} do not determine a transform" if pairs else "no exposure"
         return PairResult(a, b, shared, reason=reason)
-    needed = _needed(c, pairs)
+    needed, tests_size = _needed(c, pairs), _is_pose_plane(c, pairs)
     T, reason = _ransac(c, pairs, rng)
     if T is None:
         return _disagreement(c, pairs, needed, rng, PairResult(a, b, shared, reason=reason))
@@ -90,7 +92,7 @@ def calibrate_pair(
         return PairResult(a, b, shared, reason=f"{len(keep)} exposures agree, but {reason}")
     inliers = {pairs[c.exposure[h]][0].exposure: (int(c.a[h]), int(c.b[h])) for h in keep}
     rms = float(np.sqrt(np.mean(c.distances(T[None])[0][0, keep] ** 2)))
-    return PairResult(a, b, shared, T, covariance, inliers, rms)
+    return PairResult(a, b, shared, T, covariance, inliers, rms, tests_size=tests_size)
 
 
 def _needed(c: Correspondences, pairs: Sequence[tuple[Observation, Observation]]) -> int:
@@ -111,8 +113,7 @@ def _disagreement(
     result: PairResult,
 ) -> PairResult:
     """The failed result, with the scale of the target that would mend it."""
-    first, second = (pairs[c.exposure[0]][s].candidates[0].geometry for s in (0, 1))
-    if not isinstance(first, PoseGeometry) or not isinstance(second, PlaneGeometry):
+    if not _is_pose_plane(c, pairs):
         return result
     n_b, d_b = _planes_of_b(c, pairs, np.arange(len(c.exposure)))
     found = scale_that_agrees(c, n_b, d_b, needed, rng)
@@ -120,7 +121,12 @@ def _disagreement(
         return result
     scale, count = found
     reason = f"{result.reason}; {count} would if the target were {scale:.3g} times as large"
-    return replace(result, reason=reason, target_scale=scale)
+    return replace(result, reason=reason, tests_size=True, target_scale=scale)
+
+
+def _is_pose_plane(c: Correspondences, pairs: Sequence[tuple[Observation, Observation]]) -> bool:
+    first, second = (pairs[c.exposure[0]][s].candidates[0].geometry for s in (0, 1))
+    return isinstance(first, PoseGeometry) and isinstance(second, PlaneGeometry)
 
 
 def _planes_of_b(

@@ -23,8 +23,10 @@ def spanning_tree(
 
     Pairs weigh by their information: the path to a sensor has the smallest summed variance that a
     tree offers. `given` are poses `T_root_s` that the rig config prescribes. NotConnectedError
-    names the components, and for every pair between two of them why it does not join them.
+    names the components, and for every pair between two of them why it does not join them;
+    TargetSizeError if the sensors contradict the target's dimensions.
     """
+    _check_target_size(pairs)
     graph: nx.Graph[str] = nx.Graph()
     graph.add_nodes_from(sensors)
     for name in given:
@@ -35,7 +37,6 @@ def spanning_tree(
             graph.add_edge(pair.a, pair.b, weight=_variance(pair), pair=pair)
     components = list(nx.connected_components(graph))
     if len(components) > 1:
-        _check_target_size(pairs)
         raise NotConnectedError(_explain(root, components, pairs))
     poses = {root: np.eye(4)}
     used = []
@@ -53,8 +54,9 @@ def spanning_tree(
 
 
 def _check_target_size(pairs: Sequence[PairResult]) -> None:
+    """TargetSizeError if more pairs contradict the target's dimensions than confirm them."""
     scales = {f"{p.a} - {p.b}": p.target_scale for p in pairs if p.target_scale is not None}
-    if scales:
+    if len(scales) > sum(p.tests_size and p.T_a_b is not None for p in pairs):
         each = ", ".join(f"{pair}: {scale:.3g}" for pair, scale in scales.items())
         raise TargetSizeError(
             "the target's dimensions in the rig file contradict the ranges of the lasers: the "

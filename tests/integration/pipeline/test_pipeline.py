@@ -1,0 +1,66 @@
+"""Simulate, calibrate, evaluate: from raw messages to a tree of transforms."""
+
+import json
+
+import numpy as np
+
+from rigcal import evaluate, load_calibration
+
+
+def test_the_truth_is_found(calibrated, simulated):
+    result = load_calibration(calibrated / "calibration.yaml")
+    errors = evaluate(result, load_calibration(simulated / "truth.yaml"))
+    for name, limit_m, limit_deg in (
+        ("left", 0.003, 0.1),
+        ("right", 0.003, 0.1),
+        ("scan", 0.008, 0.3),
+    ):
+        assert errors.sensors[name].translation_m < limit_m, name
+        assert np.degrees(errors.sensors[name].rotation_rad) < limit_deg, name
+        assert errors.sensors[name].nees < 30, name
+
+
+def test_a_wrong_exposure_is_never_accepted(calibrated, simulated):
+    result = load_calibration(calibrated / "calibration.yaml")
+    truth = load_calibration(simulated / "truth.yaml")
+    assert len(result.target_poses) >= 15
+    for name, T in result.target_poses.items():
+        assert np.linalg.norm(T[:3, 3] - truth.target_poses[name][:3, 3]) < 0.02, name
+
+
+def test_the_bag_says_the_same_as_the_mcap(calibrated, simulated, run, rig, tmp_path):
+    assert run("calibrate", rig, simulated / "recording.bag", "--out", tmp_path, "--quiet") == 0
+    first, second = (load_calibration(d / "calibration.yaml") for d in (calibrated, tmp_path))
+    for name, sensor in first.sensors.items():
+        np.testing.assert_array_equal(sensor.T_parent_sensor, second.sensors[name].T_parent_sensor)
+
+
+def test_the_same_input_and_seed_give_the_same_bytes(calibrated, run, rig, tmp_path):
+    for name in ("a", "b"):
+        data = calibrated / "observations.npz"
+        assert run("calibrate", rig, data, "--out", tmp_path / name, "--quiet", "--seed", 3) == 0
+    for file in ("calibration.yaml", "observations.npz"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_observations_stand_for_the_recording(calibrated, run, rig, tmp_path):
+    data = calibrated / "observations.npz"
+    assert run("calibrate", rig, data, "--out", tmp_path, "--quiet", "--no-report") == 0
+    first, second = (d / "calibration.yaml" for d in (calibrated, tmp_path))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_detection_alone_does_not_depend_on_the_number_of_processes(
+    calibrated, simulated, run, rig, tmp_path
+):
+    recording = simulated / "recording.mcap"
+    out = tmp_path / "observations.npz"
+    assert run("detect", rig, recording, "--out", out, "--jobs", 1, "--quiet") == 0
+    assert out.read_bytes() == (calibrated / "observations.npz").read_bytes()
+
+
+def test_evaluate_speaks_json(calibrated, simulated, run, capsys):
+    truth = simulated / "truth.yaml"
+    assert run("evaluate", calibrated / "calibration.yaml", "--truth", truth, "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert set(answer["sensors"]) == {"left", "right", "scan"}

@@ -62,7 +62,10 @@ def estimate(
         tell("global estimate", round_ + 1, _MOST_ROUNDS + 1)
         before = _signature(alive)
         weights = scales if estimate_noise else dict.fromkeys(scales, 1.0)
-        alive, dropped = _inliers(edges, poses, boards, fixed, weights)
+        judged = {(e.sensor, e.exposure) for e in edges}
+        alive, refused = _inliers(edges, poses, boards, fixed, weights)
+        # Exposures that lost all their edges in an earlier round keep the reason given then.
+        dropped = {name: why for name, why in dropped.items() if name not in judged} | refused
         used = {e.exposure for e in alive}
         boards = {k: T for k, T in boards.items() if k in used}
         edges = [e for e in edges if e.exposure in used]

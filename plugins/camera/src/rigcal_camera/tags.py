@@ -71,8 +71,8 @@ def _labelled(ids: NDArray[np.int64], uv: Array, target: Target, lens: Lens) -> 
     support = [int(homography_inliers(lens, points, t, iterations=60).sum()) for t in turned]
     if max(support) < 4 * _MIN_TAGS:
         return no_corners(
-            f"{known.sum()} tags with ids of '{target.name}' do not lie as on the board: check "
-            "columns, rows, first_id and id_order of the target"
+            f"{known.sum()} tags with ids of '{target.name}' do not lie as on the board: "
+            "misread, or columns, rows, first_id or id_order of the target are wrong"
         )
     return Corners(index.ravel(), turned[int(np.argmax(support))])
 

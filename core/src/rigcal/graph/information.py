@@ -51,8 +51,12 @@ def information(
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     fixed: frozenset[str],
+    judged: Sequence[SensorTargetEdge] = (),
 ) -> Information:
-    """Gauss-Newton information at a solution, and how every edge fits it.
+    """Gauss-Newton information of `edges` at their solution, and how every edge fits it.
+
+    `judged` are edges that the solution does not rest on. Their misfit is that of a prediction: it
+    counts the covariance of the poses too (an innovation test), and they have no leverage.
 
     A direction without information gets none: its covariance is infinite in effect (1e12), never
     small. The root and other `fixed` sensors have no block.
@@ -63,35 +67,44 @@ def information(
     H_ss = np.zeros((size, size))
     H_tt = {k: np.eye(6) * 1e-6 for k in targets}
     H_ts = {k: np.zeros((6, size)) for k in targets}
-    parts = []
-    for edge in edges:
-        r, J_s, J_t = edge.evaluate(sensors[edge.sensor], targets[edge.exposure])
+    parts = [
+        (edge, *edge.evaluate(sensors[edge.sensor], targets[edge.exposure]))
+        for edge in (*edges, *judged)
+    ]
+    for edge, _, J_s, J_t in parts[: len(edges)]:
         H_tt[edge.exposure] += J_t.T @ J_t
         if edge.sensor in at:
             i = at[edge.sensor]
             H_ss[i, i] += J_s.T @ J_s
             H_ts[edge.exposure][:, i] += J_t.T @ J_s
-        parts.append((edge, r, J_s, J_t))
     gain = {k: np.linalg.solve(H_tt[k], H_ts[k]) for k in targets}
     matrix = H_ss - sum((H_ts[k].T @ gain[k] for k in targets), np.zeros_like(H_ss))
     covariance = _inverse(matrix)
     inverse_tt = {k: np.linalg.inv(H) for k, H in H_tt.items()}
     fits = []
-    for edge, r, J_s, J_t in parts:
+    for number, (edge, r, J_s, J_t) in enumerate(parts):
         # The edge's rows by the sensors directly, and through the target's dependence on them.
         J = -J_t @ gain[edge.exposure]
         if edge.sensor in at:
             J[:, at[edge.sensor]] += J_s
-        taken = np.sum((J @ covariance) * J) + np.sum((J_t @ inverse_tt[edge.exposure]) * J_t)
-        fits.append(EdgeFit(edge, r, float(r @ r), float(taken), *_misfit(r, J_t)))
+        U = _column_space(J_t)
+        J, J_t = U.T @ J, U.T @ J_t
+        predicted = J @ covariance @ J.T + J_t @ inverse_tt[edge.exposure] @ J_t.T
+        u = U.T @ r
+        if number < len(edges):
+            leverage, misfit = float(np.trace(predicted)), float(u @ u)
+        else:
+            leverage, misfit = 0.0, float(u @ np.linalg.solve(np.eye(len(u)) + predicted, u))
+        fits.append(EdgeFit(edge, r, float(r @ r), leverage, misfit, len(u)))
     return Information(free, matrix, covariance, tuple(fits))
 
 
-def _misfit(r: Array, J_t: Array) -> tuple[float, int]:
-    """Squared length of r within the column space of J_t, and that space's dimension."""
+def _column_space(J_t: Array) -> Array:
+    """(m, k) orthonormal basis of what the edge's rows can say of the target's pose."""
     U, s, _ = np.linalg.svd(J_t, full_matrices=False)
     rank = int(np.count_nonzero(s > 1e-9 * s[0])) if len(s) and s[0] > 0 else 0
-    return float(np.sum((U[:, :rank].T @ r) ** 2)), rank
+    result: Array = U[:, :rank]
+    return result
 
 
 def _inverse(matrix: Array) -> Array:

@@ -63,7 +63,7 @@ def estimate(
         before = _signature(alive)
         weights = scales if estimate_noise else dict.fromkeys(scales, 1.0)
         judged = {(e.sensor, e.exposure) for e in edges}
-        alive, refused = _inliers(edges, poses, boards, fixed, weights)
+        alive, refused = _inliers(edges, alive, poses, boards, fixed, weights)
         # Exposures that lost all their edges in an earlier round keep the reason given then.
         dropped = {name: why for name, why in dropped.items() if name not in judged} | refused
         used = {e.exposure for e in alive}
@@ -146,6 +146,7 @@ def _median_scale(chi2: Array, dof: Array) -> float:
 
 def _inliers(
     edges: Sequence[SensorTargetEdge],
+    alive: Sequence[SensorTargetEdge],
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     fixed: frozenset[str],
@@ -153,13 +154,17 @@ def _inliers(
 ) -> tuple[list[SensorTargetEdge], dict[tuple[str, str], str]]:
     """The edges that pass, with their outlier blocks masked, and why the others do not.
 
-    All edges are judged again at the present solution, so that a good one can come back.
+    All edges are judged again at the present solution, which rests on those `alive`, so that a
+    good one can come back.
     """
     from scipy.stats import chi2 as law
 
     masked = [_mask(replace(e, scale=scales[e.sensor]), sensors, targets) for e in edges]
     kept, dropped = [], {}
-    for fit in information(masked, sensors, targets, fixed).fits:
+    names = {(e.sensor, e.exposure) for e in alive}
+    used = [e for e in masked if (e.sensor, e.exposure) in names]
+    others = [e for e in masked if (e.sensor, e.exposure) not in names]
+    for fit in information(used, sensors, targets, fixed, others).fits:
         edge, name = fit.edge, (fit.edge.sensor, fit.edge.exposure)
         blocks = 1.0 if edge.keep is None else float(edge.keep.mean())
         limit = float(law.isf(_SIGNIFICANCE, max(fit.misfit_dof, 1)))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+NUMBERS = re.compile(r"\d+\.\d+|(?<=lidar: )\d|\d+(?= (indexed messages|messages|chunks|flat|too))")
 MESSAGES = Path(__file__).parent / "messages"
 
 
@@ -20,7 +21,8 @@ def check(run, capsys, tmp_path):
         captured = capsys.readouterr()
         assert captured.out == ""
         text = captured.err.replace(str(data), "RECORDING").replace(str(rig), "RIG")
-        text = re.sub(r"\d+ bytes", "N bytes", text)
+        # Sizes and fits depend on compression and rounding; what is said of them does not.
+        text = NUMBERS.sub("N", text)
         path = MESSAGES / f"{name}.txt"
         if "RIGCAL_UPDATE_GOLDEN" in os.environ:
             path.parent.mkdir(exist_ok=True)

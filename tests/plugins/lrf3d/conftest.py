@@ -14,7 +14,7 @@ from rigcal.targets.target import Target, TargetConfig
 from rigcal_lrf3d import Lrf3dConfig
 
 VLP16 = {"pattern": "multibeam", "elevations_deg": [float(e) for e in range(-15, 16, 2)]}
-SPINNING = {"pattern": "spinning_lrf", "tilt_deg": 10.0, "offset_m": 0.05}
+SPINNING = {"pattern": "spinning_lrf", "tilt_deg": 10.0, "offset_m": 0.05, "angle_step_deg": 1.5}
 
 MakeScene = Callable[[Array, Target], Scene]
 

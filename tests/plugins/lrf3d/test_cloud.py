@@ -10,7 +10,7 @@ from rigcal.recording.cloud import cloud_message
 from rigcal.recording.message import Message
 from rigcal_lrf3d import LRF3D, Cloud, Lrf3dConfig
 
-COLUMNS = {
+COLUMNS: dict[str, np.ndarray] = {
     "x": np.array([1.0, 2.0, np.nan, 0.0, 4.0], np.float32),
     "y": np.array([0.0, 1.0, 1.0, 0.0, 1.0], np.float32),
     "z": np.array([0.0, 1.0, 1.0, 0.0, np.inf], np.float32),

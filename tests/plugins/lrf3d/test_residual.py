@@ -4,7 +4,7 @@ import pytest
 from rigcal.errors import ObservationError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.geometry.shapes import fit_plane, plane_of_target
+from rigcal.geometry.shapes import fit_plane, plane_of_target, tangent_basis
 from rigcal.observation import Candidate, PlaneGeometry, PointGeometry
 from rigcal.targets.target import Target
 from rigcal_lrf3d import LRF3D, Lrf3dConfig
@@ -30,7 +30,8 @@ def returns(config: Lrf3dConfig, seed: int, count: int = 200) -> Array:
     aimed /= np.linalg.norm(aimed, axis=1, keepdims=True)
     n, distance = plane_of_target(T_S_T)
     ranges = -distance / (aimed @ n) + rng.normal(0, config.sigma_m, count)
-    return ranges[:, None] * d
+    points: Array = ranges[:, None] * d
+    return points
 
 
 def candidate(points: Array) -> Candidate:
@@ -101,8 +102,6 @@ def test_a_candidate_of_another_geometry_is_refused(board: Target) -> None:
 @pytest.mark.parametrize("config", [BEAMS[0], BEAMS[2]])
 def test_the_fitted_planes_covariance_is_true(config: Lrf3dConfig) -> None:
     """The normalised squared error over 300 noise seeds is chi-square with 3 degrees of freedom."""
-    from rigcal.geometry.shapes import tangent_basis
-
     n_true, d_true = plane_of_target(T_S_T)
     n_true, d_true = (n_true, d_true) if d_true > 0 else (-n_true, -d_true)
     nees = []
@@ -127,6 +126,19 @@ def test_mixed_pixels_do_not_bend_the_plane() -> None:
     assert dirty is not None
     assert dirty.normal @ clean.normal > np.cos(np.radians(0.1))
     assert not dirty.inliers[:60].any()
+
+
+def test_beams_along_the_plane_neither_count_nor_cost() -> None:
+    """Their feet lie at infinity: a floor that runs into a board's plane has such beams."""
+    config = Lrf3dConfig(beam_origin="sensor", sigma_m=0.03)
+    points = returns(config, 5)
+    n, d = fit_plane(points)
+    along = np.cross(n, [0.0, 0.0, 1.0]) * np.linspace(50, 5000, 30)[:, None]
+    grazing = along - n * (d - 0.02)
+    plane = fit(np.concatenate([points, grazing]), n, d, config, 0.06)
+    assert plane is not None
+    assert not plane.inliers[len(points) :].any()
+    assert plane.normal @ n > np.cos(np.radians(0.2))
 
 
 def test_the_type_offers_them() -> None:

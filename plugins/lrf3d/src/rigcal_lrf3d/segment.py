@@ -46,7 +46,7 @@ class Scales:
             reach=0.27 * short,
             thickness=max(3.5 * sigma_m, 0.04 * short),
             flat=max(2.0 * sigma_m, 0.03 * short),
-            edge=0.04 * short,
+            edge=0.02 * short,
         )
 
 

@@ -199,6 +199,13 @@ def _flow(dumper: yaml.SafeDumper, data: dict[str, Any]) -> yaml.Node:
     return dumper.represent_mapping("tag:yaml.org,2002:map", data, flow_style=True)
 
 
+def _text(dumper: yaml.SafeDumper, data: str) -> yaml.Node:
+    """Names of digits are quoted: YAML 1.2 readers take 0009 for a number."""
+    style = "'" if data.replace(".", "").isdigit() else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", data, style=style)
+
+
+_Dumper.add_representer(str, _text)
 _Dumper.add_representer(list, _sequence)
 _Dumper.add_representer(_Lines, _block)
 _Dumper.add_representer(_Line, _flow)

@@ -79,6 +79,9 @@ def write_results(
 
         files["report"] = out / "report.html"
         write_report(files["report"], calibration, observations, rig, registry)
+    else:
+        # One of an earlier run would tell of another result.
+        (out / "report.html").unlink(missing_ok=True)
     return {name: str(path) for name, path in files.items()}
 
 

@@ -15,6 +15,9 @@ from rigcal.graph.solve import Solution
 from rigcal.graph.task import Task
 from rigcal.observation import Observation
 
+# Real sensors are seldom noisier than this times what their data sheet says.
+_SUSPICIOUS_SCALE = 5.0
+
 
 def make_result(
     task: Task,
@@ -51,7 +54,7 @@ def make_result(
         sensors,
         dict(solution.targets),
         rejected,
-        _warnings(pairs),
+        (*_noise_warnings(solution), *_warnings(pairs)),
         {"seed": seed, "formulation": "joint"},
     )
 
@@ -98,6 +101,16 @@ def _statistics(
     errors = np.concatenate(values)
     rms = float(np.sqrt(np.mean(errors**2)))
     return ResidualStatistics(kind.unit, rms, len(errors))
+
+
+def _noise_warnings(solution: Solution) -> tuple[str, ...]:
+    return tuple(
+        f"{name}: its data disagree with the result by {scale:.3g} times the configured noise; "
+        "check its entry in the rig file (intrinsics of a camera), the target's dimensions, and "
+        "that the board stood still"
+        for name, scale in solution.scales.items()
+        if scale > _SUSPICIOUS_SCALE
+    )
 
 
 def _warnings(pairs: Sequence[PairResult]) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ ANGLES = np.radians(np.linspace(-90, 90, 19))
 
 
 def simulate(
-    T_w_s: NDArray[np.float64], scene: Scene, config: Any, rng: np.random.Generator
+    T_w_s: NDArray[np.float64], scene: Scene, config: Any, rng: np.random.Generator, effects: Any
 ) -> NDArray[np.float64]:
     d_s = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), 0 * ANGLES])
     ranges, _ = scene.cast(T_w_s[:3, 3], d_s @ T_w_s[:3, :3].T)

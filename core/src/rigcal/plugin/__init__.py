@@ -11,6 +11,8 @@ from rigcal.plugin.hookspecs import hookimpl
 if TYPE_CHECKING:
     from rigcal.plugin.contract import (
         CONTRACT_VERSION,
+        Effects,
+        FrameView,
         PoseConfig,
         Residual,
         SensorConfig,
@@ -23,6 +25,8 @@ _REGISTRY = ("BrokenPlugin", "Plugin", "Registry")
 __all__ = [
     "CONTRACT_VERSION",
     "BrokenPlugin",
+    "Effects",
+    "FrameView",
     "Plugin",
     "PoseConfig",
     "Registry",

@@ -104,6 +104,35 @@ class SensorConfig(BaseModel):
         return Source(topic=self.topic, files=self.files)
 
 
+class Effects(BaseModel):
+    """What a scenario may say of one simulated sensor: its clock, and what spoils its data.
+
+    All is off by default. Sensor types add their own fields in a subclass, written
+    `class XEffects(Effects, frozen=True)`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    rate_hz: float | None = Field(
+        default=None, gt=0, description="frames per second of a continuous recording"
+    )
+    phase_s: float = Field(default=0.0, ge=0, description="first frame after the recording's start")
+    clock_offset_s: float = Field(default=0.0, description="its stamps are late by")
+    jitter_s: float | None = Field(
+        default=None, ge=0, description="its stamps vary by up to; default: the scenario's"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrameView:
+    """A frame as people see it: `image` (H, W) grey or (H, W, 3) RGB, or `points` (N, 3) in the
+    sensor's frame, m.
+    """
+
+    image: NDArray[np.uint8] | None = None
+    points: Array | None = None
+
+
 class Residual(Protocol):
     """The whitened error of one observation as a function of the target's pose in the sensor.
 
@@ -136,9 +165,11 @@ Decode = Callable[[Message, Any], Frame]
 Detect = Callable[[Frame, Any, Target], Detection]
 MakeResidual = Callable[[Candidate, Any, Target], Residual]
 Observe = Callable[[Array, Any, Target, np.random.Generator], Candidate | None]
-Simulate = Callable[[Array, Scene, Any, np.random.Generator], Frame]
+Simulate = Callable[[Array, Scene, Any, np.random.Generator, Any], Frame]
 Encode = Callable[[Frame, Any, int, str], Any]
 Errors = Callable[[Candidate, Any, Target, Array], Array]
+View = Callable[[Message, Any], FrameView]
+Project = Callable[[Array, Any], tuple[Array, NDArray[np.bool_]]]
 
 
 @dataclass(frozen=True)
@@ -156,12 +187,16 @@ class SensorType:
     unit            unit of `errors`: "px", "m"
     observe         (T_s_t, config, target, rng) -> Candidate or None: what a flawless detector
                     would report of a target in plain view, with the configured noise
-    simulate        (T_w_s, scene, config, rng) -> frame
+    simulate        (T_w_s, scene, config, rng, effects) -> frame
+    effects         class of what a scenario may say of it; `Effects` if it has none of its own
     encode          (frame, config, stamp_ns, frame_id) -> ROS message (see `recording.ros`)
     message_type    ROS name of what `encode` makes
     extra_messages  (config, stamp_ns, frame_id) -> {topic suffix: (type, message)}: what goes
                     along with each frame (a camera's CameraInfo)
     sees            (points (N, 3) in the sensor's frame, config) -> (N,) which are in its view
+    view            (message, config) -> FrameView: the data as pictures and reports show them
+    project         (points (N, 3) in the sensor's frame, config) -> pixels (N, 2) in the image of
+                    its `view`, and which (N,) are in it; for sensors that make images
     """
 
     name: str
@@ -177,5 +212,8 @@ class SensorType:
     encode: Encode | None = None
     message_type: str | None = None
     extra_messages: Callable[[Any, int, str], dict[str, tuple[str, Any]]] | None = None
+    effects: type[Effects] = Effects
     sees: Callable[[Array, Any], NDArray[np.bool_]] | None = None
+    view: View | None = None
+    project: Project | None = None
     contract: int = CONTRACT_VERSION

@@ -103,7 +103,7 @@ def _checked(hook: str, item: Any) -> Any:
 
 
 def _check_sensor(sensor: Any) -> None:
-    from rigcal.plugin.contract import CONTRACT_VERSION, SensorConfig, SensorType
+    from rigcal.plugin.contract import CONTRACT_VERSION, Effects, SensorConfig, SensorType
 
     if not isinstance(sensor, SensorType):
         raise PluginError(f"rigcal_sensor_types offers {sensor!r}, expected a SensorType")
@@ -118,6 +118,10 @@ def _check_sensor(sensor: Any) -> None:
         raise PluginError(
             f"sensor type '{sensor.name}': message_types is {kinds!r}, expected a tuple of names"
         )
+    if not (isinstance(sensor.effects, type) and issubclass(sensor.effects, Effects)):
+        raise PluginError(
+            f"sensor type '{sensor.name}': effects is {sensor.effects!r}, expected an Effects class"
+        )
     for part, function in vars(sensor).items():
         optional = SensorType.__dataclass_fields__[part].default is None
         if part not in _DATA_FIELDS and not (callable(function) or (optional and not function)):
@@ -126,7 +130,7 @@ def _check_sensor(sensor: Any) -> None:
             )
 
 
-_DATA_FIELDS = {"name", "config", "message_types", "unit", "message_type", "contract"}
+_DATA_FIELDS = {"name", "config", "message_types", "unit", "message_type", "contract", "effects"}
 
 
 def _check_target(target: Any) -> None:

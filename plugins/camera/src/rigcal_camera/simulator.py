@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal.plugin import Effects
 from rigcal.scene import Scene, Surface
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.frames import Image
@@ -19,6 +20,7 @@ from rigcal_camera.lens import Lens, lens_of
 from rigcal_camera.texture import texture_of
 
 FloatImage = NDArray[np.float32]
+NO_EFFECTS = Effects()
 
 _BLACK, _WHITE = 20.0, 230.0
 """Grey of black and white surfaces: noise does not clip."""
@@ -31,7 +33,13 @@ _MAX_BACKGROUNDS = 32
 _backgrounds: OrderedDict[tuple[object, ...], FloatImage] = OrderedDict()
 
 
-def simulate(T_w_s: Array, scene: Scene, config: CameraConfig, rng: np.random.Generator) -> Image:
+def simulate(
+    T_w_s: Array,
+    scene: Scene,
+    config: CameraConfig,
+    rng: np.random.Generator,
+    effects: Effects = NO_EFFECTS,
+) -> Image:
     """The grey image (H, W) that a camera at `T_w_s` takes of the scene.
 
     Each pixel of the board's region is the mean of 3 x 3 rays through the lens that meet the

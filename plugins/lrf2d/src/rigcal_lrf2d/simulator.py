@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rigcal.errors import ConfigError, RecordingError
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate
+from rigcal.plugin import Effects
 from rigcal.scene import Scene
 from rigcal.targets.target import Target
 from rigcal_lrf2d.config import Lrf2dConfig
@@ -17,6 +18,7 @@ from rigcal_lrf2d.detector import detect
 from rigcal_lrf2d.scan import Scan, directions, scan_from_polar
 
 MESSAGE_TYPE = "sensor_msgs/msg/LaserScan"
+NO_EFFECTS = Effects()
 
 
 def beam_angles(config: Lrf2dConfig) -> Array:
@@ -41,7 +43,13 @@ def beam_angles(config: Lrf2dConfig) -> Array:
     return result
 
 
-def simulate(T_w_s: Array, scene: Scene, config: Lrf2dConfig, rng: np.random.Generator) -> Scan:
+def simulate(
+    T_w_s: Array,
+    scene: Scene,
+    config: Lrf2dConfig,
+    rng: np.random.Generator,
+    effects: Effects = NO_EFFECTS,
+) -> Scan:
     """The scan of a sensor at `T_w_s` in `scene`.
 
     Each beam leaves at its nominal angle plus noise, meets the nearest surface (eq. 4.10-4.12),

@@ -10,15 +10,23 @@ from numpy.typing import NDArray
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal.plugin import Effects
 from rigcal.recording.cloud import cloud_message
 from rigcal.scene import Scene
 from rigcal_lrf3d.cloud import Cloud
 from rigcal_lrf3d.config import Lrf3dConfig, MultibeamScan, SpinningScan
 
 MESSAGE_TYPE = "sensor_msgs/msg/PointCloud2"
+NO_EFFECTS = Effects()
 
 
-def simulate(T_w_s: Array, scene: Scene, config: Lrf3dConfig, rng: np.random.Generator) -> Cloud:
+def simulate(
+    T_w_s: Array,
+    scene: Scene,
+    config: Lrf3dConfig,
+    rng: np.random.Generator,
+    effects: Effects = NO_EFFECTS,
+) -> Cloud:
     """The cloud of a sensor at `T_w_s` in `scene`, in the sensor's frame.
 
     Each beam leaves at its nominal direction plus noise, meets the nearest surface (eq. 4.10 to

@@ -191,7 +191,7 @@ def _messages(setting: _Setting, scene: Scene, exposure: int, name: str) -> list
     assert config.topic is not None
     rng = stream(setting.seed, exposure, name)
     stamp_ns = _stamp_ns(setting.scenario.stamps, exposure, rng)
-    frame = kind.simulate(setting.T_w_s[name], scene, config, rng)
+    frame = kind.simulate(setting.T_w_s[name], scene, config, rng, kind.effects())
     message = kind.encode(frame, config, stamp_ns, name)
     entries = [Entry(config.topic, kind.message_type, message, stamp_ns)]
     extra = kind.extra_messages(config, stamp_ns, name) if kind.extra_messages else {}

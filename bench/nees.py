@@ -23,7 +23,7 @@ from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
 from rigcal.rig import T_root_sensors, build_targets, load_rig
 from rigcal_sim.poses import sample_board_poses, sensor_poses
-from rigcal_sim.scenario import load_scenario
+from rigcal_sim.scenario_file import load_scenario
 
 DEMO = Path(rigcal_sim.__file__).parent / "demo"
 
@@ -48,7 +48,8 @@ def observations(rig, registry, scenario, seed):
 def run(rig_path, scenario_path, seed):
     """Per sensor: NEES, squared errors and variances of rotation and translation, inliers."""
     registry = Registry.from_entry_points()
-    rig, scenario = load_rig(rig_path, registry), load_scenario(scenario_path)
+    rig = load_rig(rig_path, registry)
+    scenario = load_scenario(scenario_path, rig, registry)
     seen = observations(rig, registry, scenario, seed)
     calibration = calibrate(rig, registry, seen, seed=seed)
     truth = T_root_sensors(rig)

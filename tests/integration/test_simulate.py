@@ -17,7 +17,8 @@ from rigcal.recording import Source, open_recording
 from rigcal.rig import build_targets
 from rigcal_sim.dataset import simulate
 from rigcal_sim.poses import sample_board_poses
-from rigcal_sim.scenario import ScenarioConfig, load_scenario
+from rigcal_sim.scenario import ScenarioConfig
+from rigcal_sim.scenario_file import load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DEMO = Path(str(files("rigcal_sim") / "demo"))
@@ -111,7 +112,8 @@ def test_the_command_simulates_where_the_sensors_look(
 def test_every_sensor_of_the_shipped_rigs_sees_enough_boards(
     rig_file: Path, scenario_file: Path, exposures: int, cameras: int, registry: Registry
 ) -> None:
-    rig, scenario = load_rig(rig_file, registry), load_scenario(scenario_file)
+    rig = load_rig(rig_file, registry)
+    scenario = load_scenario(scenario_file, rig, registry)
     target = build_targets(rig, registry)["board"]
     poses = sample_board_poses(rig, registry, target, scenario, seed=0)
     assert len(poses.T_w_t) == exposures

@@ -9,9 +9,10 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pydantic import Field
 
 from rigcal.observation import Detection
-from rigcal.plugin import Registry, SensorConfig, SensorType, hookimpl
+from rigcal.plugin import Effects, Registry, SensorConfig, SensorType, hookimpl
 from rigcal.recording.message import Message
 from rigcal.rig import Rig, parse_rig
 from rigcal.scene import Scene
@@ -23,6 +24,10 @@ class RangerConfig(SensorConfig, frozen=True):
     sigma_m: float = 0.01
 
 
+class RangerEffects(Effects, frozen=True):
+    drop_outs: float = Field(default=0.0, ge=0, le=1)
+
+
 ANGLES = np.radians(np.linspace(-90, 90, 19))
 
 
@@ -31,7 +36,8 @@ def simulate(
 ) -> NDArray[np.float64]:
     d_s = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), 0 * ANGLES])
     ranges, _ = scene.cast(T_w_s[:3, 3], d_s @ T_w_s[:3, :3].T)
-    return ranges + rng.normal(0, config.sigma_m, len(ranges))
+    ranges = ranges + rng.normal(0, config.sigma_m, len(ranges))
+    return np.where(rng.random(len(ranges)) < effects.drop_outs, np.inf, ranges)
 
 
 def encode(frame: NDArray[np.float64], config: Any, stamp_ns: int, frame_id: str) -> Any:
@@ -64,6 +70,7 @@ RANGER = SensorType(
     simulate=simulate,
     encode=encode,
     message_type="sensor_msgs/msg/LaserScan",
+    effects=RangerEffects,
     sees=sees,
 )
 

@@ -65,6 +65,18 @@ def test_exposures_are_a_period_apart_and_sensors_within_the_jitter(
     assert not np.array_equal(late[0], late[1])
 
 
+def test_effects_reach_the_sensors_and_their_clocks(
+    make_rig: MakeRig, registry: Registry, tmp_path: Path
+) -> None:
+    effects = {"a": {"drop_outs": 1.0}, "b": {"clock_offset_s": 0.25, "jitter_s": 0.0}}
+    scenario = SCENARIO.model_copy(update={"sensors": effects})
+    path = simulate(make_rig(), registry, scenario, 1, tmp_path, jobs=1).recordings[0]
+    assert np.all(np.isinf(ranges_and_stamps(path, "/a/scan")[0]))
+    ranges, stamps = ranges_and_stamps(path, "/b/scan")
+    assert np.all(np.isfinite(ranges))
+    np.testing.assert_array_equal(stamps, 100.25e9 + 2e9 * np.arange(1, 7))
+
+
 def test_truth_holds_the_poses_of_the_rig_and_of_the_board(
     make_rig: MakeRig, registry: Registry, tmp_path: Path
 ) -> None:

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from rigcal.errors import ConfigError
-from rigcal_sim.scenario import load_scenario
+from rigcal.plugin import Registry
+from rigcal.rig import Rig
+from rigcal_sim.scenario import ScenarioConfig
+from rigcal_sim.scenario_file import load_scenario, sensor_effects
 
 GOOD = """\
 version: 1
@@ -15,7 +19,11 @@ board:
   samples: 3
   height_m: [-0.1, 0.2]
 room: {size_m: [9, 9, 3]}
+defaults: {ranger: {drop_outs: 0.5}}
+sensors:
+  b: {clock_offset_s: 0.25}
 """
+MakeRig = Callable[..., Rig]
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -24,8 +32,8 @@ def write(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_a_scenario_file_is_read(tmp_path: Path) -> None:
-    scenario = load_scenario(write(tmp_path, GOOD))
+def test_a_scenario_file_is_read(tmp_path: Path, make_rig: MakeRig, registry: Registry) -> None:
+    scenario = load_scenario(write(tmp_path, GOOD), make_rig(), registry)
     assert scenario.board.heights_m == (-0.1, 0.2)
     assert scenario.min_sensors == 2
     assert not scenario.person
@@ -43,14 +51,43 @@ def test_a_scenario_file_is_read(tmp_path: Path) -> None:
         ("[9, 9, 3]", "[9, -9, 3]", 7, "all three must be above 0"),
         ("version: 1", "version: 2", 1, "version: "),
         ("version: 1", "stamps: {jitter_s: 0.5}", 1, "jitter_s 0.5 mixes exposures 1 s apart"),
+        ("b: {", "bb: {", 10, "sensors.bb: the rig has no sensor 'bb', did you mean 'b'?"),
+        ("clock_offset_s", "clock_ofset_s", 10, "sensors.b.clock_ofset_s: unknown key, did you"),
+        ("0.25", "x", 10, "sensors.b.clock_offset_s: found 'x', expected a valid number"),
+        ("ranger", "rangr", 8, "defaults.rangr: no sensor type 'rangr', did you mean 'ranger'?"),
+        ("0.5", "1.5", 8, "defaults.ranger.drop_outs: found 1.5, expected a value less than or"),
     ],
 )
 def test_a_wrong_scenario_is_refused_with_its_line(
-    tmp_path: Path, old: str, new: str, line: int | None, message: str
+    tmp_path: Path,
+    make_rig: MakeRig,
+    registry: Registry,
+    old: str,
+    new: str,
+    line: int | None,
+    message: str,
 ) -> None:
     path = write(tmp_path, GOOD.replace(old, new))
     with pytest.raises(ConfigError) as caught:
-        load_scenario(path)
+        load_scenario(path, make_rig(), registry)
     text = str(caught.value)
     assert message in text
     assert text.startswith(f"{path}:{line}: " if line else f"{path}: ")
+
+
+def test_a_sensor_has_its_own_effects_before_those_of_its_type(
+    make_rig: MakeRig, registry: Registry
+) -> None:
+    board = {"bearings_deg": [0], "radii_m": [2]}
+    scenario = ScenarioConfig.model_validate(
+        {
+            "board": board,
+            "defaults": {"ranger": {"drop_outs": 0.5, "jitter_s": 0.01}},
+            "sensors": {"b": {"drop_outs": 0.1}},
+        }
+    )
+    effects = sensor_effects(scenario, make_rig(), registry)
+    assert {name: e.model_dump(exclude_unset=True) for name, e in effects.items()} == {
+        "a": {"drop_outs": 0.5, "jitter_s": 0.01},
+        "b": {"drop_outs": 0.1, "jitter_s": 0.01},
+    }

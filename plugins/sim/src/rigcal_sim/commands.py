@@ -87,11 +87,11 @@ def _simulate(
     from rigcal.plugin.registry import Registry
     from rigcal.rig import load_rig
     from rigcal_sim.dataset import simulate as write_recording
-    from rigcal_sim.scenario import load_scenario
+    from rigcal_sim.scenario_file import load_scenario
 
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)
-    scenario = load_scenario(scenario_file) if scenario_file else None
+    scenario = load_scenario(scenario_file, rig, registry) if scenario_file else None
     formats = ("mcap", "bag") if bag else ("mcap",)
     with progress_bar(silent) as progress:
         return write_recording(

@@ -17,6 +17,7 @@ from rigcal.calibration_file import save_calibration
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal.plugin import Effects
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
 from rigcal.recording import ros
@@ -28,6 +29,7 @@ from rigcal.validation import nearest_of
 from rigcal_sim.coverage import default_scenario
 from rigcal_sim.poses import BoardPoses, sample_board_poses, sensor_poses, stream
 from rigcal_sim.scenario import ScenarioConfig, StampsConfig
+from rigcal_sim.scenario_file import sensor_effects
 from rigcal_sim.scene import build_scene
 
 FORMATS = ("mcap", "bag")
@@ -64,6 +66,7 @@ class _Setting:
     scenario: ScenarioConfig
     target: Target
     T_w_s: Mapping[str, Array]
+    effects: Mapping[str, Effects]
     seed: int
 
 
@@ -89,8 +92,9 @@ def simulate(
     target = _target(rig, registry, scenario)
     check_simulable(rig, registry)
     scenario = scenario or default_scenario(rig, registry, target)
+    effects = sensor_effects(scenario, rig, registry)
     boards = sample_board_poses(rig, registry, target, scenario, seed, poses)
-    setting = _Setting(rig, registry, scenario, target, sensor_poses(rig, scenario), seed)
+    setting = _Setting(rig, registry, scenario, target, sensor_poses(rig, scenario), effects, seed)
     recordings = tuple(out / f"recording.{suffix}" for suffix in formats)
     out.mkdir(parents=True, exist_ok=True)
     tell = progress or (lambda *_: None)
@@ -189,9 +193,10 @@ def _messages(setting: _Setting, scene: Scene, exposure: int, name: str) -> list
     assert kind.encode is not None
     assert kind.message_type is not None
     assert config.topic is not None
+    effects = setting.effects[name]
     rng = stream(setting.seed, exposure, name)
-    stamp_ns = _stamp_ns(setting.scenario.stamps, exposure, rng)
-    frame = kind.simulate(setting.T_w_s[name], scene, config, rng, kind.effects())
+    stamp_ns = _stamp_ns(setting.scenario.stamps, effects, exposure, rng)
+    frame = kind.simulate(setting.T_w_s[name], scene, config, rng, effects)
     message = kind.encode(frame, config, stamp_ns, name)
     entries = [Entry(config.topic, kind.message_type, message, stamp_ns)]
     extra = kind.extra_messages(config, stamp_ns, name) if kind.extra_messages else {}
@@ -200,10 +205,13 @@ def _messages(setting: _Setting, scene: Scene, exposure: int, name: str) -> list
     return entries
 
 
-def _stamp_ns(stamps: StampsConfig, exposure: int, rng: np.random.Generator) -> int:
-    """Exposure k is k + 1 periods after the start, give or take the jitter."""
-    late_s = (exposure + 1) * stamps.period_s
-    late_s += float(rng.uniform(-stamps.jitter_s, stamps.jitter_s))
+def _stamp_ns(
+    stamps: StampsConfig, effects: Effects, exposure: int, rng: np.random.Generator
+) -> int:
+    """Exposure k is k + 1 periods after the start, plus clock offset, give or take the jitter."""
+    jitter_s = stamps.jitter_s if effects.jitter_s is None else effects.jitter_s
+    late_s = (exposure + 1) * stamps.period_s + effects.clock_offset_s
+    late_s += float(rng.uniform(-jitter_s, jitter_s))
     return round(stamps.start_s * 1e9) + round(late_s * 1e9)
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from rigcal.document import Problems, read_document
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 
@@ -114,6 +112,12 @@ class ScenarioConfig(_Section):
         default=2, ge=1, description="exposures that fewer sensors see are drawn again"
     )
     stamps: StampsConfig = StampsConfig()
+    defaults: dict[str, dict[str, Any]] = Field(
+        default_factory=dict, description="effects on all sensors of a type, by its name"
+    )
+    sensors: dict[str, dict[str, Any]] = Field(
+        default_factory=dict, description="effects on one sensor, before the defaults of its type"
+    )
 
     @model_validator(mode="after")
     def _fits_into_the_room(self) -> ScenarioConfig:
@@ -129,13 +133,3 @@ class ScenarioConfig(_Section):
                 f"{self.floor_m + self.room.size_m[2]:g}; make room.size_m[2] larger"
             )
         return self
-
-
-def load_scenario(path: Path | str) -> ScenarioConfig:
-    """The scenario in a YAML file; ConfigError with file, line and key for all that is wrong."""
-    document = read_document(path, "a scenario")
-    problems = Problems(document)
-    scenario = problems.validate(ScenarioConfig, document.data)
-    problems.raise_if_any()
-    assert scenario is not None  # it is None only with a problem noted
-    return scenario

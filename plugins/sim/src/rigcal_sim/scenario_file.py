@@ -1,0 +1,67 @@
+"""The scenario file, and what it says of each sensor, checked against a rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rigcal.document import Document, Problems, read_document
+from rigcal.errors import PluginError
+from rigcal.plugin import Effects, Registry
+from rigcal.rig import Rig
+from rigcal.validation import nearest_of
+from rigcal_sim.scenario import ScenarioConfig
+
+
+def load_scenario(path: Path | str, rig: Rig, registry: Registry) -> ScenarioConfig:
+    """The scenario in a YAML file; ConfigError with file, line and key for all that is wrong."""
+    document = read_document(path, "a scenario")
+    problems = Problems(document)
+    scenario = problems.validate(ScenarioConfig, document.data)
+    if scenario is not None:
+        _find_effects(problems, scenario, rig, registry)
+    problems.raise_if_any()
+    assert scenario is not None  # it is None only with a problem noted
+    return scenario
+
+
+def sensor_effects(scenario: ScenarioConfig, rig: Rig, registry: Registry) -> dict[str, Effects]:
+    """The effects on every sensor of the rig, validated by the class of its sensor type.
+
+    What `sensors` says of a sensor holds before what `defaults` says of its type; all other
+    effects are off. ConfigError for names that the rig does not have and for wrong values.
+    """
+    problems = Problems(Document("scenario", {}))
+    effects = _find_effects(problems, scenario, rig, registry)
+    problems.raise_if_any()
+    return effects
+
+
+def _find_effects(
+    problems: Problems, scenario: ScenarioConfig, rig: Rig, registry: Registry
+) -> dict[str, Effects]:
+    defaults = {
+        kind: data
+        for kind, data in scenario.defaults.items()
+        if _are_effects(problems, registry, kind, data)
+    }
+    for name in scenario.sensors:
+        if name not in rig.sensors:
+            found = f"the rig has no sensor '{name}'{nearest_of(name, list(rig.sensors))}"
+            problems.add(("sensors", name), found)
+    effects = {}
+    for name, config in rig.sensors.items():
+        kind = registry.sensor_type(config.type)
+        data = {**defaults.get(config.type, {}), **scenario.sensors.get(name, {})}
+        effects[name] = problems.validate(kind.effects, data, ("sensors", name)) or kind.effects()
+    return effects
+
+
+def _are_effects(problems: Problems, registry: Registry, kind: str, data: object) -> bool:
+    """Whether `data` are effects of a sensor type; what is wrong is noted."""
+    path = ("defaults", kind)
+    try:
+        model = registry.sensor_type(kind).effects
+    except PluginError as error:
+        problems.add(path, str(error))
+        return False
+    return problems.validate(model, data, path) is not None

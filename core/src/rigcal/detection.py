@@ -8,13 +8,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigcal.errors import RecordingError
+from rigcal.errors import ObservationError, RecordingError
 from rigcal.exposures import FrameStamp, exposure_names
 from rigcal.observation import Detection, Observation
+from rigcal.plugin.answers import check_detection
 from rigcal.plugin.contract import SensorConfig, SensorType
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
-from rigcal.recording import open_recording
+from rigcal.recording import Message, open_recording
 from rigcal.rig import Rig, build_targets
 from rigcal.targets.target import Target
 
@@ -100,7 +101,7 @@ def _run(tasks: Sequence[_Task], jobs: int) -> Iterable[list[_DetectedFrame]]:
 def _detect_frames(task: _Task) -> list[_DetectedFrame]:
     """One slice of one sensor's stream (runs in a worker process)."""
     frames = []
-    with open_recording(task.recording) as recording:
+    with open_recording(task.recording, task.kind.message_definitions) as recording:
         messages = recording.read(task.config.source, task.first, task.stop)
         for index, message in enumerate(messages, start=task.first):
             stamp = FrameStamp(task.sensor, message.stamp_ns, message.exposure, index)
@@ -112,8 +113,8 @@ def _detect_frames(task: _Task) -> list[_DetectedFrame]:
                 )
             try:
                 frame = task.kind.decode(message, task.config)
-            except RecordingError as error:
-                lost = Detection((), f"unreadable: {error}")
+            except Exception as error:
+                lost = Detection((), f"unreadable: {_decoder_error(task, message, error)}")
                 frames.append(_DetectedFrame(stamp, message.origin, lost, unreadable=True))
                 continue
             detection = _detect(task, frame)
@@ -121,13 +122,29 @@ def _detect_frames(task: _Task) -> list[_DetectedFrame]:
     return frames
 
 
+def _decoder_error(task: _Task, message: Message, error: Exception) -> str:
+    """Why a frame is lost: what the plugin says of the data, or that the plugin is at fault."""
+    if isinstance(error, RecordingError):
+        return str(error)
+    _log.debug("decoder of %s raised", task.sensor, exc_info=error)
+    return (
+        f"{message.origin}: the decoder of sensor type '{task.kind.name}' failed with "
+        f"{type(error).__name__}: {error}"
+    )
+
+
 def _detect(task: _Task, frame: object) -> Detection:
-    """The detector's answer; one that raises loses its frame, not the run."""
+    """The detector's answer; one that raises, or answers nonsense, loses its frame, not the run."""
     try:
-        return task.kind.detect(frame, task.config, task.target)
+        found = task.kind.detect(frame, task.config, task.target)
+        check_detection(found)
     except Exception as error:
         _log.debug("detector of %s raised", task.sensor, exc_info=True)
-        return Detection((), f"the detector failed: {type(error).__name__}: {error}")
+        what = "" if isinstance(error, ObservationError) else f"{type(error).__name__}: "
+        return Detection(
+            (), f"the detector of sensor type '{task.kind.name}' failed: {what}{error}"
+        )
+    return found
 
 
 def _check_readable(frames: Sequence[_DetectedFrame]) -> None:

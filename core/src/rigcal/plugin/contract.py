@@ -8,7 +8,7 @@ inside the functions: listing plugins must import none of them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection
-from rigcal.recording.message import Message, Source
+from rigcal.recording.message import Definitions, Message, Source
 from rigcal.scene import Scene
 from rigcal.targets.target import Target
 
@@ -179,6 +179,8 @@ class SensorType:
     name            what rig.yaml says after `type:`
     config          its pydantic class
     message_types   ROS names and file suffixes that `decode` accepts
+    message_definitions  .msg text by ROS name, of types among them that ROS does not bring and
+                    of those they refer to
     decode          (message, config) -> frame; raises RecordingError on data that it cannot use
     detect          (frame, config, target) -> Detection, all candidates in the sensor's own frame
     residual        (candidate, config, target) -> Residual; None: the default of the geometry
@@ -216,4 +218,5 @@ class SensorType:
     sees: Callable[[Array, Any], NDArray[np.bool_]] | None = None
     view: View | None = None
     project: Project | None = None
+    message_definitions: Definitions = field(default_factory=dict, hash=False)
     contract: int = CONTRACT_VERSION

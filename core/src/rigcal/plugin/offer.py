@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
@@ -118,6 +118,14 @@ def _check_sensor(sensor: Any) -> None:
         raise PluginError(
             f"sensor type '{sensor.name}': message_types is {kinds!r}, expected a tuple of names"
         )
+    texts = sensor.message_definitions
+    if not (
+        isinstance(texts, Mapping) and all(isinstance(t, str) for t in (*texts, *texts.values()))
+    ):
+        raise PluginError(
+            f"sensor type '{sensor.name}': message_definitions is {texts!r}, expected the text of "
+            "a .msg file by ROS name"
+        )
     if not (isinstance(sensor.effects, type) and issubclass(sensor.effects, Effects)):
         raise PluginError(
             f"sensor type '{sensor.name}': effects is {sensor.effects!r}, expected an Effects class"
@@ -131,6 +139,7 @@ def _check_sensor(sensor: Any) -> None:
 
 
 _DATA_FIELDS = {"name", "config", "message_types", "unit", "message_type", "contract", "effects"}
+_DATA_FIELDS |= {"message_definitions"}
 
 
 def _check_target(target: Any) -> None:

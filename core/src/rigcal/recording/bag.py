@@ -18,7 +18,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 
 from rigcal.errors import RecordingError
 from rigcal.recording import damage
-from rigcal.recording.message import Message, Source
+from rigcal.recording.message import STANDARD, Definitions, Message, Source
 from rigcal.recording.stamps import log_times
 from rigcal.recording.types import Deserialize, deserializer
 
@@ -30,8 +30,8 @@ class BagRecording:
     types without a header and for headers whose stamp was never set (0).
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, definitions: Definitions = STANDARD) -> None:
+        self._path, self._definitions = path, definitions
         self._deserializers: dict[str, Deserialize] = {}
         self._times: dict[str, list[list[int]]] = {}
         self._reader: Reader1 | Reader2
@@ -144,7 +144,9 @@ class BagRecording:
             ros_version = 1 if isinstance(self._reader, Reader1) else 2
             # A bag folder of several files may hold the definition in the first one only.
             same = [c for c in self._connections if c.msgtype == connection.msgtype]
-            self._deserializers[topic] = deserializer(same, ros_version, compressed=compressed)
+            self._deserializers[topic] = deserializer(
+                same, ros_version, self._definitions, compressed=compressed
+            )
         return self._deserializers[topic]
 
     def _listing(self) -> str:

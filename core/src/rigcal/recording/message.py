@@ -6,6 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
+Definitions = Mapping[str, str]
+"""Text of .msg files by ROS name ("radar_msgs/msg/RadarScan"), of types ROS does not bring."""
+STANDARD: Definitions = {}
+
 
 @dataclass(frozen=True)
 class Source:

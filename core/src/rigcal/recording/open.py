@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rigcal.errors import RecordingError
-from rigcal.recording.message import Recording
+from rigcal.recording.message import STANDARD, Definitions, Recording
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 _KINDS = (
@@ -14,11 +14,12 @@ _KINDS = (
 )
 
 
-def open_recording(path: Path | str) -> Recording:
+def open_recording(path: Path | str, definitions: Definitions = STANDARD) -> Recording:
     """The recording at `path`: a folder of files, a ROS 2 bag folder, .mcap, .db3 or .bag.
 
-    It is opened for reading only, so several processes may hold the same one. RecordingError when
-    there is none, or none that can be read.
+    It is opened for reading only, so several processes may hold the same one. `definitions` are of
+    message types that a plugin brings, for bags that carry none. RecordingError when there is no
+    recording, or none that can be read.
     """
     path = Path(path)
     try:
@@ -26,7 +27,7 @@ def open_recording(path: Path | str) -> Recording:
             if is_bag_folder(path):
                 from rigcal.recording.bag import BagRecording
 
-                return BagRecording(path)
+                return BagRecording(path, definitions)
             from rigcal.recording.folder import FolderRecording
 
             return FolderRecording(path)
@@ -38,7 +39,7 @@ def open_recording(path: Path | str) -> Recording:
             )
         from rigcal.recording.bag import BagRecording
 
-        return BagRecording(path)
+        return BagRecording(path, definitions)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
 

@@ -1,17 +1,19 @@
-"""ROS messages without ROS: the classes of the ROS 2 Humble typestore of rosbags."""
+"""ROS messages without ROS: the types of ROS 2 Humble, and those that a plugin defines."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from rigcal.errors import RecordingError
+from rigcal.errors import PluginError, RecordingError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal.recording.message import STANDARD, Definitions
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -21,42 +23,70 @@ _TEXT = ("string", "wstring")
 _DTYPES = {"bool": "bool", "byte": "uint8", "char": "uint8", "octet": "uint8"}
 
 
-@cache
-def typestore() -> Typestore:
-    """The message types of ROS 2 Humble."""
-    from rosbags.typesys import Stores, get_typestore
+class DefinedMessage(SimpleNamespace):
+    """A message whose type a plugin defines; like a bag it carries the `__definitions__`.
 
-    return get_typestore(Stores.ROS2_HUMBLE)
+    (The classes that rosbags makes of definitions cannot be sent to another process.)
+    """
 
 
-@cache
-def ros1_typestore() -> Typestore:
-    """The message types of ROS 1 Noetic."""
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+def typestore(definitions: Definitions = STANDARD) -> Typestore:
+    """The message types of ROS 2 Humble and those defined; PluginError for a bad definition."""
+    return _typestore("ROS2_HUMBLE", tuple(sorted(definitions.items())))
 
-    store = get_typestore(Stores.ROS1_NOETIC)
+
+def ros1_typestore(definitions: Definitions = STANDARD) -> Typestore:
+    """The message types of ROS 1 Noetic and those defined; PluginError for a bad definition."""
     # The one type of ours that rosbags' Noetic store lacks.
-    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF_TYPE))
+    lacking = {TF_TYPE: "geometry_msgs/TransformStamped[] transforms"}
+    return _typestore("ROS1_NOETIC", tuple(sorted((lacking | dict(definitions)).items())))
+
+
+@cache
+def _typestore(standard: str, definitions: tuple[tuple[str, str], ...]) -> Typestore:
+    from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores[standard])
+    for name, text in definitions:
+        try:
+            store.register(get_types_from_msg(text, name))
+        except TypesysError as error:
+            raise PluginError(
+                f"the definition of message type '{name}' cannot be used: {error}; expected the "
+                "text of its .msg file"
+            ) from error
     return store
 
 
-def make(type_name: str, **fields: Any) -> Any:
+def definitions_of(message: object) -> Definitions:
+    """What the message's type is defined by; empty for a type of ROS."""
+    found: Definitions = getattr(message, "__definitions__", STANDARD)
+    return found
+
+
+def make(type_name: str, definitions: Definitions = STANDARD, /, **fields: Any) -> Any:
     """A message of `type_name` ("sensor_msgs/msg/LaserScan").
 
     Fields that are not given are zero or empty, as in ROS. Numbers and arrays are converted to the
-    field's type. RecordingError for an unknown type, an unknown field, or an array of wrong size.
+    field's type. `definitions` holds the type, and those it refers to, if ROS does not bring them.
+    RecordingError for an unknown type, an unknown field, or an array of wrong size.
     """
-    store = typestore()
+    store = typestore(definitions)
     if type_name not in store.fielddefs:
-        raise RecordingError(f"'{type_name}' is not a message type of ROS 2 Humble")
+        raise RecordingError(
+            f"'{type_name}' is not a message type of ROS 2 Humble"
+            + (f", nor of the plugin ({', '.join(definitions)})" if definitions else "")
+        )
     known = dict(store.fielddefs[type_name][1])
     unknown = [name for name in fields if name not in known]
     if unknown:
         raise RecordingError(f"{type_name} has no field '{unknown[0]}' (has: {', '.join(known)})")
     values = {
-        name: _convert(f"{type_name}.{name}", kind, fields.get(name))
+        name: _convert(f"{type_name}.{name}", kind, fields.get(name), definitions)
         for name, kind in known.items()
     }
+    if type_name in definitions:
+        return DefinedMessage(**values, __msgtype__=type_name, __definitions__=definitions)
     return store.types[type_name](**values)
 
 
@@ -92,16 +122,16 @@ def tf_static(transforms: Mapping[str, tuple[str, Array]], stamp_ns: int = 0) ->
     return make(TF_TYPE, transforms=entries)
 
 
-def _convert(where: str, kind: Any, value: Any) -> Any:
+def _convert(where: str, kind: Any, value: Any, definitions: Definitions) -> Any:
     node, detail = kind
     if node == Nodetype.NAME:
-        return make(detail) if value is None else value
+        return make(detail, definitions) if value is None else value
     if node == Nodetype.BASE:
         return _scalar(detail[0], value)
     (item, item_detail), size = detail
     length = size if node == Nodetype.ARRAY else 0
     if item == Nodetype.NAME or item_detail[0] in _TEXT:
-        filled = [_convert(where, (item, item_detail), None) for _ in range(length)]
+        filled = [_convert(where, (item, item_detail), None, definitions) for _ in range(length)]
         return filled if value is None else list(value)
     dtype = np.dtype(_DTYPES.get(item_detail[0], item_detail[0]))
     array = np.zeros(length, dtype) if value is None else np.ascontiguousarray(value, dtype).ravel()

@@ -11,6 +11,8 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from rigcal.errors import RecordingError
+from rigcal.recording.message import STANDARD, Definitions
+from rigcal.recording.ros import ros1_typestore, typestore
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -21,16 +23,21 @@ Deserialize = Callable[[bytes], Any]
 
 
 def deserializer(
-    connections: Sequence[Connection], ros_version: int, *, compressed: bool
+    connections: Sequence[Connection],
+    ros_version: int,
+    definitions: Definitions = STANDARD,
+    *,
+    compressed: bool,
 ) -> Deserialize:
     """Bytes of a message -> the message, for connections of one message type.
 
     The definition in the bag counts; bags of older ROS 2 versions carry none, then the type is
-    that of ROS 2 Humble. `compressed`: each message is compressed (zstd). Field names are those of
-    the bag's ROS version (a ROS 1 CameraInfo has K, not k). RecordingError for an unknown type.
+    that of ROS 2 Humble or of `definitions`. `compressed`: each message is compressed (zstd).
+    Field names are those of the bag's ROS version (a ROS 1 CameraInfo has K, not k).
+    RecordingError for an unknown type.
     """
     name = connections[0].msgtype
-    store = _typestore(connections, ros_version)
+    store = _typestore(connections, ros_version, definitions)
     if name not in store.fielddefs:
         raise RecordingError(
             f"message type '{name}' is not defined in the recording and is not a standard one; "
@@ -42,12 +49,14 @@ def deserializer(
     return lambda data: decode(zstd.decompress(data), name)
 
 
-def _typestore(connections: Sequence[Connection], ros_version: int) -> Typestore:
+def _typestore(
+    connections: Sequence[Connection], ros_version: int, definitions: Definitions
+) -> Typestore:
     definition = next(
         (c.msgdef for c in connections if c.msgdef.format != MessageDefinitionFormat.NONE), None
     )
     if definition is None or not definition.data.strip():
-        return get_typestore(Stores.ROS1_NOETIC if ros_version == 1 else Stores.ROS2_HUMBLE)
+        return ros1_typestore(definitions) if ros_version == 1 else typestore(definitions)
     store = get_typestore(Stores.EMPTY)
     if definition.format == MessageDefinitionFormat.MSG:
         store.register(get_types_from_msg(definition.data, connections[0].msgtype))

@@ -23,6 +23,7 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from rigcal.errors import RecordingError
 from rigcal.recording import ros
+from rigcal.recording.message import Definitions
 from rigcal.recording.ros1 import to_ros1
 
 _LATCHED_TOPICS = ("/tf_static",)
@@ -42,7 +43,7 @@ _QOS_LATCHED = Qos(
 class _Format(Protocol):
     """One file format."""
 
-    def connect(self, topic: str, type_name: str) -> Connection: ...
+    def connect(self, topic: str, type_name: str, definitions: Definitions) -> Connection: ...
 
     def write(self, connection: Connection, message: Any, stamp_ns: int, number: int) -> None: ...
 
@@ -57,7 +58,7 @@ class RecordingWriter:
     The suffix chooses the format: .mcap (ROS 2, CDR, definitions embedded, zstd chunks) or .bag
     (ROS 1). The file appears at `path`, replacing what was there, when the block ends without an
     exception; before that, and after an exception, there is none. The same messages give the same
-    bytes. Messages are the ROS 2 classes of `rigcal.recording.ros` for both formats.
+    bytes. Messages are those of `rigcal.recording.ros.make` for both formats.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -108,9 +109,10 @@ class RecordingWriter:
         if stamp_ns < 0:
             raise RecordingError(f"{self._path}: {topic}: stamp {stamp_ns} ns is negative")
         if topic not in self._connections:
-            if type_name not in ros.typestore().fielddefs:
+            definitions = ros.definitions_of(message)
+            if type_name not in ros.typestore(definitions).fielddefs:
                 raise RecordingError(f"'{type_name}' is not a message type of ROS 2 Humble")
-            self._connections[topic] = self._format.connect(topic, type_name)
+            self._connections[topic] = self._format.connect(topic, type_name, definitions)
         connection = self._connections[topic]
         if connection.msgtype != type_name:
             raise RecordingError(
@@ -140,14 +142,16 @@ class _Mcap:
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
 
-    def connect(self, topic: str, type_name: str) -> Connection:
+    def connect(self, topic: str, type_name: str, definitions: Definitions) -> Connection:
+        store = ros.typestore(definitions)
         latched = [_QOS_LATCHED] if topic in _LATCHED_TOPICS else []
         return self._writer.add_connection(
-            topic, type_name, typestore=ros.typestore(), offered_qos_profiles=latched
+            topic, type_name, typestore=store, offered_qos_profiles=latched
         )
 
     def write(self, connection: Connection, message: Any, stamp_ns: int, number: int) -> None:
-        data = ros.typestore().serialize_cdr(message, connection.msgtype, little_endian=True)
+        store = ros.typestore(ros.definitions_of(message))
+        data = store.serialize_cdr(message, connection.msgtype, little_endian=True)
         self._writer.write(connection, stamp_ns, data)
 
     def close(self) -> Path:
@@ -164,8 +168,8 @@ class _Bag:
         self._writer = Writer1(self._file)
         self._writer.open()
 
-    def connect(self, topic: str, type_name: str) -> Connection:
-        store = ros.ros1_typestore()
+    def connect(self, topic: str, type_name: str, definitions: Definitions) -> Connection:
+        store = ros.ros1_typestore(definitions)
         if type_name not in store.fielddefs:
             raise RecordingError(
                 f"'{type_name}' is not a message type of ROS 1: write an MCAP instead"
@@ -176,8 +180,9 @@ class _Bag:
         )
 
     def write(self, connection: Connection, message: Any, stamp_ns: int, number: int) -> None:
-        old = to_ros1(message, connection.msgtype, number)
-        data = ros.ros1_typestore().serialize_ros1(old, connection.msgtype)
+        definitions = ros.definitions_of(message)
+        old = to_ros1(message, connection.msgtype, number, definitions)
+        data = ros.ros1_typestore(definitions).serialize_ros1(old, connection.msgtype)
         self._writer.write(connection, stamp_ns, data)
 
     def close(self) -> Path:

@@ -97,7 +97,7 @@ def test_the_person_stands_behind_the_board_in_the_room(
     rig, wanted = make_rig(), scenario(room=ROOM, person=True)
     target = build_targets(rig, registry)["board"]
     for T_w_t in sample_board_poses(rig, registry, target, wanted, seed=2).T_w_t:
-        scene = build_scene(target, T_w_t, wanted)
+        scene = build_scene(target, T_w_t, wanted, np.random.default_rng(0))
         grid = np.stack(np.meshgrid(np.linspace(-0.39, 0.39, 21), np.linspace(-0.29, 0.29, 21)))
         p_w = se3.apply(T_w_t, np.append(grid.reshape(2, -1).T, np.zeros((441, 1)), axis=1))
         ranges, hit = scene.cast(np.zeros(3), p_w / np.linalg.norm(p_w, axis=1)[:, None])
@@ -112,7 +112,8 @@ def test_the_person_stands_behind_the_board_in_the_room(
 
 def test_a_room_is_closed(make_rig: MakeRig, registry: Registry) -> None:
     target = build_targets(make_rig(), registry)["board"]
-    scene = build_scene(target, board_pose(0, 2.0, 0.2, np.zeros(3)), scenario(room=ROOM))
+    T_w_t = board_pose(0, 2.0, 0.2, np.zeros(3))
+    scene = build_scene(target, T_w_t, scenario(room=ROOM), np.random.default_rng(0))
     d_w = np.random.default_rng(0).normal(size=(2000, 3))
     d_w /= np.linalg.norm(d_w, axis=1, keepdims=True)
     ranges, hit = scene.cast(np.zeros(3), d_w)

@@ -178,7 +178,8 @@ def _expose_batch(setting: _Setting, T_w_t: Array, exposures: Sequence[int]) -> 
 
 def _expose(setting: _Setting, T_w_t: Array, exposure: int) -> list[Entry]:
     """The messages of one exposure, by stamp."""
-    scene = build_scene(setting.target, T_w_t, setting.scenario)
+    rng = stream(setting.seed, exposure, "objects")
+    scene = build_scene(setting.target, T_w_t, setting.scenario, rng)
     entries = []
     for name in setting.rig.sensors:
         entries += _messages(setting, scene, exposure, name)

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal_sim.objects import ObjectConfig
 
 Triple = tuple[float, float, float]
 Interval = tuple[float, float]
@@ -108,6 +109,7 @@ class ScenarioConfig(_Section):
     floor_m: float = Field(default=-1.0, description="height of the floor")
     room: RoomConfig | None = None
     person: bool = Field(default=False, description="somebody stands behind the board")
+    objects: tuple[ObjectConfig, ...] = Field(default=(), description="what else stands around")
     min_sensors: int = Field(
         default=2, ge=1, description="exposures that fewer sensors see are drawn again"
     )

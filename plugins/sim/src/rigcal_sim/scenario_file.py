@@ -9,6 +9,7 @@ from rigcal.errors import PluginError
 from rigcal.plugin import Effects, Registry
 from rigcal.rig import Rig
 from rigcal.validation import nearest_of
+from rigcal_sim.objects import unreadable_textures, with_textures_in
 from rigcal_sim.scenario import ScenarioConfig
 
 
@@ -18,6 +19,10 @@ def load_scenario(path: Path | str, rig: Rig, registry: Registry) -> ScenarioCon
     problems = Problems(document)
     scenario = problems.validate(ScenarioConfig, document.data)
     if scenario is not None:
+        objects = with_textures_in(Path(path).parent, scenario.objects)
+        for index, reason in unreadable_textures(objects):
+            problems.add(("objects", index, "texture"), reason)
+        scenario = scenario.model_copy(update={"objects": objects})
         _find_effects(problems, scenario, rig, registry)
     problems.raise_if_any()
     assert scenario is not None  # it is None only with a problem noted

@@ -4,7 +4,7 @@ import pytest
 from rigcal.geometry import se3
 from rigcal.scene import Scene
 from rigcal.targets import BUILTIN_TARGETS
-from rigcal_camera import CAMERA, CameraConfig
+from rigcal_camera import CAMERA, CameraConfig, CameraEffects
 
 FACING = np.diag([1.0, -1.0, -1.0])
 """R_s_t of an upright board that faces the camera."""
@@ -60,8 +60,8 @@ def pose():
 
 @pytest.fixture(scope="session")
 def photograph():
-    def take(target, T_s_t, config, surfaces=(), seed=0):
-        rng = np.random.default_rng(seed)
-        return CAMERA.simulate(np.eye(4), Scene(target, T_s_t, surfaces), config, rng)
+    def take(target, T_s_t, config, surfaces=(), seed=0, **effects):
+        scene, rng = Scene(target, T_s_t, surfaces), np.random.default_rng(seed)
+        return CAMERA.simulate(np.eye(4), scene, config, rng, CameraEffects(**effects))
 
     return take

@@ -47,6 +47,26 @@ def test_colour_order_is_respected(encoding):
     np.testing.assert_allclose(image, 60, atol=1)
 
 
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8", "bayer_rggb8"])
+def test_views_show_the_colours(encoding):
+    if encoding.startswith("bayer"):
+        red = np.tile(np.array([[200, 0], [0, 0]], dtype=np.uint8), (2, 3))
+    else:
+        red = np.zeros((4, 6, len(encoding) - 1), dtype=np.uint8)
+        red[..., encoding.index("r")] = 200
+    image = CAMERA.view(raw(red, encoding, padding=3), CAM).image
+    np.testing.assert_array_equal(image[1:-1, 1:-1], np.full((2, 4, 3), [200, 0, 0]))
+
+
+def test_views_of_grey_images_and_of_files(tmp_path):
+    np.testing.assert_array_equal(CAMERA.view(raw(GREY, "mono8"), CAM).image, GREY)
+    for name, pixels in (("grey.png", GREY), ("blue.png", np.dstack([GREY, 0 * GREY, 0 * GREY]))):
+        cv2.imwrite(str(tmp_path / name), pixels)
+    np.testing.assert_array_equal(CAMERA.view(file(tmp_path / "grey.png"), CAM).image, GREY)
+    image = CAMERA.view(file(tmp_path / "blue.png"), CAM).image
+    np.testing.assert_array_equal(image, np.dstack([0 * GREY, 0 * GREY, GREY]))
+
+
 @pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
 def test_bayer_order_is_respected(order):
     cells = np.array([200 if colour == "r" else 0 for colour in order], dtype=np.uint8)

@@ -2,6 +2,8 @@ import subprocess
 import sys
 from importlib.metadata import entry_points
 
+import numpy as np
+
 import rigcal_camera
 
 
@@ -30,3 +32,13 @@ def test_the_config_survives_a_round_trip():
     data = config.model_dump(mode="json")
     assert rigcal_camera.CameraConfig.model_validate(data) == config
     assert config.sigma_px == 0.2
+
+
+def test_points_are_projected_to_pixels_of_the_view():
+    config = rigcal_camera.CameraConfig(
+        width_px=640, height_px=480, focal_px=(500.0, 500.0), principal_px=(319.5, 239.5)
+    )
+    points = np.array([[0.2, 0.1, 1.0], [1.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    uv, inside = rigcal_camera.CAMERA.project(points, config)
+    np.testing.assert_allclose(uv[0], [419.5, 289.5])
+    assert inside.tolist() == [True, False, False]

@@ -56,6 +56,12 @@ def test_limits_of_the_config_hold_too() -> None:
     assert scan.valid.tolist() == [False, True, False]
 
 
+def test_the_view_of_a_scan_is_its_returns_as_points() -> None:
+    assert LRF2D.view is not None
+    points = LRF2D.view(laser_scan([2, np.inf, 3], angle_min=0.0, step=np.pi / 4), CONFIG).points
+    np.testing.assert_allclose(points, [[2, 0, 0], [0, 3, 0]], atol=1e-6)
+
+
 def test_a_message_without_limits_has_none() -> None:
     assert decode(laser_scan([100.0], low=0, high=0)).valid.all()
 

@@ -69,6 +69,9 @@ def test_what_is_encoded_is_decoded() -> None:
     assert LRF3D.message_type is not None
     sent = Message(LRF3D.message_type, value, 7, None, "here")
     np.testing.assert_array_equal(LRF3D.decode(sent, Lrf3dConfig()).points, points)
+    assert LRF3D.view is not None
+    seen = LRF3D.view(sent, Lrf3dConfig(range_max_m=1.0)).points
+    np.testing.assert_array_equal(seen, points[np.linalg.norm(points, axis=1) <= 1.0])
 
 
 def test_importing_the_plugin_imports_nothing_heavy() -> None:

@@ -167,6 +167,7 @@ MakeResidual = Callable[[Candidate, Any, Target], Residual]
 Observe = Callable[[Array, Any, Target, np.random.Generator], Candidate | None]
 Simulate = Callable[[Array, Scene, Any, np.random.Generator, Any], Frame]
 Encode = Callable[[Frame, Any, int, str], Any]
+Transport = Callable[[Any, Any], Any]
 Errors = Callable[[Candidate, Any, Target, Array], Array]
 View = Callable[[Message, Any], FrameView]
 Project = Callable[[Array, Any], tuple[Array, NDArray[np.bool_]]]
@@ -192,6 +193,8 @@ class SensorType:
     simulate        (T_w_s, scene, config, rng, effects) -> frame
     effects         class of what a scenario may say of it; `Effects` if it has none of its own
     encode          (frame, config, stamp_ns, frame_id) -> ROS message (see `recording.ros`)
+    transport       (message of `encode`, effects) -> the message as it is recorded, perhaps of
+                    another type: compressed, say; None: as it is
     message_type    ROS name of what `encode` makes
     extra_messages  (config, stamp_ns, frame_id) -> {topic suffix: (type, message)}: what goes
                     along with each frame (a camera's CameraInfo)
@@ -212,6 +215,7 @@ class SensorType:
     observe: Observe | None = None
     simulate: Simulate | None = None
     encode: Encode | None = None
+    transport: Transport | None = None
     message_type: str | None = None
     extra_messages: Callable[[Any, int, str], dict[str, tuple[str, Any]]] | None = None
     effects: type[Effects] = Effects

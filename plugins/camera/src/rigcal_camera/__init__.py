@@ -12,14 +12,17 @@ from rigcal.geometry.se3 import Array
 from rigcal.plugin import SensorType, hookimpl
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.detector import detect, observe
-from rigcal_camera.frames import COMPRESSED, FILE_TYPES, IMAGE, camera_info, decode, encode
+from rigcal_camera.effects import CameraEffects
+from rigcal_camera.frames import COMPRESSED, FILE_TYPES, IMAGE, decode, view
 from rigcal_camera.lens import Lens, lens_of
+from rigcal_camera.messages import camera_info, encode, transport
 from rigcal_camera.residual import ReprojectionResidual, errors, make_residual
 from rigcal_camera.simulator import simulate
 
 __all__ = [
     "CAMERA",
     "CameraConfig",
+    "CameraEffects",
     "Lens",
     "ReprojectionResidual",
     "decode",
@@ -30,6 +33,8 @@ __all__ = [
     "make_residual",
     "observe",
     "simulate",
+    "transport",
+    "view",
 ]
 
 
@@ -44,6 +49,11 @@ def _sees(points: Array, config: CameraConfig) -> NDArray[np.bool_]:
     return lens_of(config).sees(points)
 
 
+def _project(points: Array, config: CameraConfig) -> tuple[Array, NDArray[np.bool_]]:
+    lens = lens_of(config)
+    return lens.pixels_from_points(points)[0], lens.sees(points)
+
+
 CAMERA = SensorType(
     name="camera",
     config=CameraConfig,
@@ -55,10 +65,14 @@ CAMERA = SensorType(
     unit="px",
     observe=observe,
     simulate=simulate,
+    effects=CameraEffects,
     encode=encode,
+    transport=transport,
     message_type=IMAGE,
     extra_messages=_extra_messages,
     sees=_sees,
+    view=view,
+    project=_project,
 )
 
 

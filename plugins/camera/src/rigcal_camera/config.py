@@ -30,8 +30,6 @@ class CameraConfig(SensorConfig, frozen=True):
     )
     sigma_px: float = Field(default=0.2, gt=0, description="corner noise per axis, 1 sigma")
     min_corners: int = Field(default=6, ge=4, description="fewest corners that make a pose")
-    sim_blur_px: float = Field(default=0.6, ge=0, description="simulated blur of the lens, sigma")
-    sim_noise_grey: float = Field(default=2.0, ge=0, description="simulated noise, of 255, sigma")
 
     @model_validator(mode="after")
     def _intrinsics_fit(self) -> CameraConfig:

@@ -1,14 +1,15 @@
-"""Images in and out: ROS messages and image files to grey uint8 arrays (H, W), and back."""
+"""Images in: ROS messages and image files to uint8 arrays, grey (H, W) or RGB (H, W, 3)."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.errors import RecordingError
+from rigcal.plugin import FrameView
 from rigcal.recording.message import Message
 from rigcal_camera.config import CameraConfig
 
@@ -22,6 +23,7 @@ _ENCODINGS = {f"{name}{bits}": (name, bits) for name in _CHANNELS for bits in (8
 _ENCODINGS |= {"8UC1": ("mono", 8), "16UC1": ("mono", 16)}
 
 Image = NDArray[np.uint8]
+Colours = Literal["GRAY", "RGB"]
 
 
 def decode(message: Message, config: CameraConfig) -> Image:
@@ -29,13 +31,22 @@ def decode(message: Message, config: CameraConfig) -> Image:
 
     RecordingError when it cannot be decoded, or when its size is not that of the rig file.
     """
+    return _read(message, config, "GRAY")
+
+
+def view(message: Message, config: CameraConfig) -> FrameView:
+    """The image as it was taken: RGB (H, W, 3), or grey (H, W). RecordingError as for `decode`."""
+    return FrameView(image=_read(message, config, "RGB"))
+
+
+def _read(message: Message, config: CameraConfig, colours: Colours) -> Image:
     if message.type == IMAGE:
-        image = _from_raw(message)
+        image = _from_raw(message, colours)
     elif message.type == COMPRESSED:
-        image = _from_encoded(np.asarray(message.value.data, dtype=np.uint8), message)
+        image = _from_encoded(np.asarray(message.value.data, dtype=np.uint8), message, colours)
     else:
-        image = _from_encoded(_file_bytes(message), message)
-    height, width = image.shape
+        image = _from_encoded(_file_bytes(message), message, colours)
+    height, width = image.shape[:2]
     if (width, height) != (config.width_px, config.height_px):
         raise RecordingError(
             f"{message.origin}: the image is {width} x {height} px, the rig file says "
@@ -52,11 +63,12 @@ def _file_bytes(message: Message) -> NDArray[np.uint8]:
         raise RecordingError(f"{message.origin}: cannot be read: {error.strerror}") from error
 
 
-def _from_encoded(data: NDArray[np.uint8], message: Message) -> Image:
+def _from_encoded(data: NDArray[np.uint8], message: Message, colours: Colours) -> Image:
     import cv2
 
     # The lens model belongs to the sensor's pixels: an orientation tag must not turn them.
-    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    flags |= cv2.IMREAD_GRAYSCALE if colours == "GRAY" else cv2.IMREAD_ANYCOLOR
     try:
         image = cv2.imdecode(data, flags) if len(data) else None
     except cv2.error:
@@ -66,11 +78,12 @@ def _from_encoded(data: NDArray[np.uint8], message: Message) -> Image:
             f"{message.origin}: {len(data)} bytes that are not an image "
             "(png, jpeg, tiff and bmp with 8 or 16 bits are read); the file may be cut short"
         )
-    return _to_8_bits(image)
+    image = _to_8_bits(image)
+    return image if image.ndim == 2 else _converted(image, "bgr", colours)
 
 
-def _from_raw(message: Message) -> Image:
-    """Grey image of a sensor_msgs/msg/Image; rows may be padded (`step`)."""
+def _from_raw(message: Message, colours: Colours) -> Image:
+    """Pixels of a sensor_msgs/msg/Image; rows may be padded (`step`)."""
     value = message.value
     if value.encoding not in _ENCODINGS:
         known = ", ".join(sorted(_ENCODINGS))
@@ -92,7 +105,7 @@ def _from_raw(message: Message) -> Image:
     byte_order = ">" if value.is_bigendian else "<"
     pixels = np.ascontiguousarray(padded.reshape(height, step)[:, :row])
     pixels = pixels.view(f"{byte_order}u{bits // 8}")
-    return _to_grey(_to_8_bits(pixels.reshape(height, width, -1)), layout)
+    return _converted(_to_8_bits(pixels.reshape(height, width, -1)), layout, colours)
 
 
 def _to_8_bits(image: NDArray[Any]) -> Image:
@@ -106,53 +119,14 @@ def _to_8_bits(image: NDArray[Any]) -> Image:
     return (image >> (bits - 8)).astype(np.uint8)
 
 
-def _to_grey(pixels: Image, layout: str) -> Image:
+def _converted(pixels: Image, layout: str, colours: Colours) -> Image:
+    """Pixels (H, W, C) in grey (H, W), or in RGB unless they are grey."""
     import cv2
 
-    if _CHANNELS[layout] == 1 and not layout.startswith("bayer"):
+    if layout == "mono":
         return pixels[:, :, 0]
+    if layout == "rgb" and colours == "RGB":
+        return pixels
     name = layout.upper().replace("BAYER_", "Bayer")
-    return np.asarray(cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{name}2GRAY")), dtype=np.uint8)
-
-
-def encode(image: Image, config: CameraConfig, stamp_ns: int, frame_id: str) -> Any:
-    """A mono8 sensor_msgs/msg/Image."""
-    from rigcal.recording import ros
-
-    height, width = image.shape
-    return ros.make(
-        IMAGE,
-        header=ros.header(stamp_ns, frame_id),
-        height=height,
-        width=width,
-        encoding="mono8",
-        is_bigendian=0,
-        step=width,
-        data=np.ascontiguousarray(image).reshape(-1),
-    )
-
-
-def camera_info(config: CameraConfig, stamp_ns: int, frame_id: str) -> Any:
-    """The intrinsics as a sensor_msgs/msg/CameraInfo (`equidistant` is OpenCV's fisheye)."""
-    from rigcal.recording import ros
-
-    (fx, fy), (cx, cy) = config.focal_px, config.principal_px
-    count = len(config.distortion)
-    if config.model == "fisheye":
-        name, length = "equidistant", 4
-    elif count <= 5:
-        name, length = "plumb_bob", 5
-    else:
-        name, length = "rational_polynomial", count
-    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    return ros.make(
-        "sensor_msgs/msg/CameraInfo",
-        header=ros.header(stamp_ns, frame_id),
-        height=config.height_px,
-        width=config.width_px,
-        distortion_model=name,
-        d=np.pad(np.array(config.distortion, dtype=np.float64), (0, length - count)),
-        k=K,
-        r=np.eye(3),
-        p=np.column_stack([K, np.zeros(3)]),
-    )
+    converted = cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{name}2{colours}"))
+    return np.asarray(converted, dtype=np.uint8)

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.plugin import Effects
 from rigcal.scene import Scene, Surface
 from rigcal_camera.config import CameraConfig
+from rigcal_camera.effects import DEFAULT_EFFECTS, CameraEffects, expose
 from rigcal_camera.frames import Image
 from rigcal_camera.lens import Lens, lens_of
 from rigcal_camera.texture import texture_of
 
 FloatImage = NDArray[np.float32]
-NO_EFFECTS = Effects()
 
 _BLACK, _WHITE = 20.0, 230.0
 """Grey of black and white surfaces: noise does not clip."""
@@ -28,6 +27,7 @@ _SUBSAMPLES = 3
 _COARSE_PX = 8
 _SKY = 0.35
 _OUTLINE_STEPS = 24
+_MARGIN_PX = 2
 _MAX_BACKGROUNDS = 32
 
 _backgrounds: OrderedDict[tuple[object, ...], FloatImage] = OrderedDict()
@@ -38,23 +38,18 @@ def simulate(
     scene: Scene,
     config: CameraConfig,
     rng: np.random.Generator,
-    effects: Effects = NO_EFFECTS,
+    effects: CameraEffects = DEFAULT_EFFECTS,
 ) -> Image:
     """The grey image (H, W) that a camera at `T_w_s` takes of the scene.
 
     Each pixel of the board's region is the mean of 3 x 3 rays through the lens that meet the
-    printed face in its area-averaged texture; then blur, occlusion by nearer surfaces, and noise.
+    printed face in its area-averaged texture; nearer surfaces hide it; `expose` adds the effects.
     The other surfaces are drawn at an eighth of the resolution: they carry no corners.
     """
-    import cv2
-
-    image: FloatImage = _background(T_w_s, scene, config).copy()
+    light: FloatImage = _background(T_w_s, scene, config).copy()
     if scene.T_w_t is not None:
-        _draw_board(image, T_w_s, scene, config)
-    if config.sim_noise_grey > 0:
-        noise = rng.standard_normal(image.shape, dtype=np.float32)
-        image += np.float32(config.sim_noise_grey) * noise
-    return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0, out=image)), dtype=np.uint8)
+        _draw_board(light, T_w_s, scene, config, effects)
+    return expose(light, lens_of(config), effects, rng)
 
 
 def _grey(level: NDArray[Any]) -> FloatImage:
@@ -103,31 +98,23 @@ def _surface_key(surface: Surface) -> tuple[object, ...]:
     return (surface.T_w_f.tobytes(), surface.polygon.tobytes(), surface.grey)
 
 
-def _draw_board(image: FloatImage, T_w_s: Array, scene: Scene, config: CameraConfig) -> None:
-    import cv2
-
+def _draw_board(
+    image: FloatImage, T_w_s: Array, scene: Scene, config: CameraConfig, effects: CameraEffects
+) -> None:
     assert scene.T_w_t is not None
     lens = lens_of(config)
     T_s_t = se3.inverse(T_w_s) @ scene.T_w_t
-    margin = 3 + int(np.ceil(4 * config.sim_blur_px))
-    region = _region(lens, T_s_t, scene.target.outline_points, margin)
+    region = _region(lens, T_s_t, scene.target.outline_points, _MARGIN_PX)
     if region is None:
         return
     rows, columns = region
     rays = _rays(lens)[rows, columns]
-    face, cover = _board(rays, T_s_t, scene)
+    face, cover = _board(rays, T_s_t, scene, effects.board_px_per_mm)
     visible = _unoccluded(rays, T_w_s, scene)
     if visible is not None:
         cover = cover * visible
     patch = image[rows, columns]
-    patch = patch + cover * (_grey(face / np.float32(255)) - patch)
-    if config.sim_blur_px > 0:
-        border = cv2.BORDER_REPLICATE
-        image[rows, columns] = cv2.GaussianBlur(
-            patch, (0, 0), config.sim_blur_px, borderType=border
-        )
-    else:
-        image[rows, columns] = patch
+    patch += cover * (_grey(face / np.float32(255)) - patch)
 
 
 def _region(lens: Lens, T_s_t: Array, outline: Array, margin: int) -> tuple[slice, slice] | None:
@@ -176,7 +163,9 @@ def _plane_points(rays: Array, T_t_s: Array) -> FloatImage:
     return near
 
 
-def _board(rays: FloatImage, T_s_t: Array, scene: Scene) -> tuple[FloatImage, FloatImage]:
+def _board(
+    rays: FloatImage, T_s_t: Array, scene: Scene, px_per_mm: float
+) -> tuple[FloatImage, FloatImage]:
     """Print (H, W) in 0..255 and share of each pixel that the board covers (H, W)."""
     import cv2
 
@@ -190,7 +179,7 @@ def _board(rays: FloatImage, T_s_t: Array, scene: Scene) -> tuple[FloatImage, Fl
     if T_t_s[2, 3] <= 0:
         return np.full((height, width), 255, dtype=np.float32), cover / np.float32(255)
     fine_xy = np.asarray(cv2.resize(xy, fine, interpolation=cv2.INTER_LINEAR), np.float32)
-    face = texture_of(scene.target).sample(fine_xy, _footprint(xy, scene) / _SUBSAMPLES)
+    face = texture_of(scene.target, px_per_mm).sample(fine_xy, _footprint(xy, scene) / _SUBSAMPLES)
     # Beyond the board's edge the texture goes on, so that its mean needs no weights.
     mean = cv2.resize(face, shrink, interpolation=cv2.INTER_AREA)
     return np.asarray(mean, np.float32), cover / np.float32(255)

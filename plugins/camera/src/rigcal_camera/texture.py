@@ -12,7 +12,6 @@ from rigcal.geometry.se3 import Array
 from rigcal.targets.target import Patch, Target
 from rigcal_camera.frames import Image
 
-_TEXEL_M = 1e-3 / 3
 _MAX_TEXELS = 8000
 _MARGIN = 2
 
@@ -48,18 +47,19 @@ class Texture:
         return np.asarray(sampled, dtype=np.uint8)
 
 
-_cache: WeakKeyDictionary[Target, Texture] = WeakKeyDictionary()
+_cache: WeakKeyDictionary[Target, dict[float, Texture]] = WeakKeyDictionary()
 
 
-def texture_of(target: Target) -> Texture:
-    """The texture of a target, at 3 texels per mm (fewer on boards above 2.6 m), made once."""
-    if target not in _cache:
-        _cache[target] = _render(target)
-    return _cache[target]
+def texture_of(target: Target, px_per_mm: float) -> Texture:
+    """The texture of a target, made once; at most 8000 texels along a side."""
+    made = _cache.setdefault(target, {})
+    if px_per_mm not in made:
+        made[px_per_mm] = _render(target, 1e-3 / px_per_mm)
+    return made[px_per_mm]
 
 
-def _render(target: Target) -> Texture:
-    texel = max(_TEXEL_M, float(target.size.max()) / _MAX_TEXELS)
+def _render(target: Target, texel: float) -> Texture:
+    texel = max(texel, float(target.size.max()) / _MAX_TEXELS)
     low, high = target.outline.min(axis=0), target.outline.max(axis=0)
     columns, rows = np.ceil((high - low) / texel).astype(int) + 2 * _MARGIN
     origin = np.array([low[0], high[1]]) + np.array([-_MARGIN, _MARGIN]) * texel

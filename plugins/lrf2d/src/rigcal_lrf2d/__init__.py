@@ -5,7 +5,7 @@ from __future__ import annotations
 import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
 from rigcal_lrf2d.config import Lrf2dConfig
-from rigcal_lrf2d.decode import MESSAGE_TYPES, decode
+from rigcal_lrf2d.decode import MESSAGE_TYPES, decode, view
 from rigcal_lrf2d.detector import detect
 from rigcal_lrf2d.residual import errors, residual
 from rigcal_lrf2d.scan import Scan
@@ -27,6 +27,7 @@ LRF2D = SensorType(
     encode=encode,
     message_type=MESSAGE_TYPE,
     sees=sees,
+    view=view,
 )
 
 

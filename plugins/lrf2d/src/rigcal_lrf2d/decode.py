@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from rigcal.errors import RecordingError
 from rigcal.geometry.se3 import Array
+from rigcal.plugin import FrameView
 from rigcal.recording.cloud import CLOUD_TYPES, read_cloud
 from rigcal.recording.message import Message
 from rigcal_lrf2d.config import Lrf2dConfig
-from rigcal_lrf2d.scan import Scan, scan_from_polar
+from rigcal_lrf2d.scan import Scan, directions, scan_from_polar
 from rigcal_lrf2d.tables import read_table
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
@@ -46,6 +47,13 @@ def decode(message: Message, config: Lrf2dConfig) -> Scan:
             )
         return scan_from_polar(fields["angle_rad"], fields["range_m"], config)
     return _from_points(fields, message, config)
+
+
+def view(message: Message, config: Lrf2dConfig) -> FrameView:
+    """The returns of a scan as points (N, 3) of the sensor's frame."""
+    scan = decode(message, config)
+    seen = scan.valid
+    return FrameView(points=scan.ranges[seen, None] * directions(scan.angles[seen]))
 
 
 def _from_laser_scan(message: Message, config: Lrf2dConfig) -> Scan:

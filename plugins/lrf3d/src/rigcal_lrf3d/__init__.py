@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
-from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode
+from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode, view
 from rigcal_lrf3d.config import Lrf3dConfig, MultibeamScan, SpinningScan
 from rigcal_lrf3d.detector import detect
 from rigcal_lrf3d.feature import observe
@@ -34,6 +34,7 @@ LRF3D = SensorType(
     encode=encode,
     message_type=MESSAGE_TYPE,
     sees=sees,
+    view=view,
 )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigcal.errors import RecordingError
 from rigcal.geometry.se3 import Array
+from rigcal.plugin import FrameView
 from rigcal.recording.cloud import CLOUD_TYPES, read_cloud
 from rigcal.recording.message import Message
 from rigcal_lrf3d.config import Lrf3dConfig
@@ -49,6 +50,11 @@ def decode(message: Message, config: Lrf3dConfig) -> Cloud:
     keep &= np.isfinite(ranges) & (ranges > max(config.range_min_m or 0.0, _ZERO_M))
     keep &= ranges <= (config.range_max_m or np.inf)
     return Cloud(points[keep])
+
+
+def view(message: Message, config: Lrf3dConfig) -> FrameView:
+    """The cloud as it is used, after the config's filter."""
+    return FrameView(points=decode(message, config).points)
 
 
 def _passes_filter(

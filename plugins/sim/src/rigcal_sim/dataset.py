@@ -192,14 +192,15 @@ def _messages(setting: _Setting, scene: Scene, exposure: int, name: str) -> list
     kind = setting.registry.sensor_type(config.type)
     assert kind.simulate is not None  # check_simulable has seen to these
     assert kind.encode is not None
-    assert kind.message_type is not None
     assert config.topic is not None
     effects = setting.effects[name]
     rng = stream(setting.seed, exposure, name)
     stamp_ns = _stamp_ns(setting.scenario.stamps, effects, exposure, rng)
     frame = kind.simulate(setting.T_w_s[name], scene, config, rng, effects)
     message = kind.encode(frame, config, stamp_ns, name)
-    entries = [Entry(config.topic, kind.message_type, message, stamp_ns)]
+    if kind.transport is not None:
+        message = kind.transport(message, effects)
+    entries = [Entry(config.topic, message.__msgtype__, message, stamp_ns)]
     extra = kind.extra_messages(config, stamp_ns, name) if kind.extra_messages else {}
     for suffix, (type_name, value) in extra.items():
         entries.append(Entry(_beside(config.topic, suffix), type_name, value, stamp_ns))

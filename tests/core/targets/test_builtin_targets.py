@@ -14,6 +14,13 @@ from rigcal.targets import BUILTIN_TARGETS, Target
 TYPES = {kind.name: kind for kind in BUILTIN_TARGETS}
 GRID: dict[str, Any] = {"columns": 6, "rows": 4, "tag_size_m": 0.15, "tag_gap_m": 0.04}
 BOARD = {"width_m": 1.2, "height_m": 0.9}
+TAGS: list[dict[str, Any]] = [
+    {"id": 40, "x_m": -0.2, "y_m": 0.1, "size_m": 0.3},
+    {"id": 7, "x_m": 0.2, "y_m": 0.1, "size_m": 0.2, "turn_deg": 30},
+    {"id": 586, "x_m": 0.15, "y_m": -0.15, "size_m": 0.1, "turn_deg": -90},
+]
+TOUCHING = {"id": 1, "x_m": -0.2, "y_m": -0.1, "size_m": 0.1}
+POSTER: dict[str, Any] = {"width_m": 0.8, "height_m": 0.6, "tags": TAGS}
 
 
 def build(kind: str, **fields: Any) -> Target:
@@ -151,6 +158,35 @@ def test_checkerboard_corners_go_row_by_row_from_the_top_left() -> None:
     assert image[v - 5, u + 5] == 255
 
 
+def test_poster_puts_every_tag_where_its_line_says() -> None:
+    target = build("apriltag_poster", **POSTER, offset_m=(0.01, -0.02))
+    assert target.groups["tag_ids"].tolist() == [40, 7, 586]
+    np.testing.assert_allclose(target.size, [0.8, 0.6])
+    corner = target.points[target.groups["tag_corners"]][..., :2]
+    centres = [[-0.19, 0.08], [0.21, 0.08], [0.16, -0.17]]
+    np.testing.assert_allclose(corner.mean(axis=1), centres, atol=1e-12)
+    sides = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1)
+    np.testing.assert_allclose(sides, np.repeat([[0.3], [0.2], [0.1]], 4, axis=1))
+    # The upright tag starts bottom left; a quarter turn clockwise takes that to the top left.
+    np.testing.assert_allclose(corner[0, 0], [-0.19 - 0.15, 0.08 - 0.15])
+    np.testing.assert_allclose(corner[2, 0], [0.16 - 0.05, -0.17 + 0.05], atol=1e-12)
+    direction = corner[1, 1] - corner[1, 0]
+    np.testing.assert_allclose(np.degrees(np.arctan2(direction[1], direction[0])), 30)
+
+
+def test_poster_is_printed_as_the_april_tag_library_reads_it() -> None:
+    tags = [tag | {"turn_deg": turn} for tag, turn in zip(TAGS, (0, 180, -90), strict=True)]
+    target = build("apriltag_poster", **POSTER | {"tags": tags})
+    image, pixels = render(target)
+    found = {d.tag_id: d for d in pyapriltags.Detector(families="tag36h11").detect(image)}
+    assert set(found) == {40, 7, 586}
+    for tag_id, index in zip(
+        target.groups["tag_ids"].tolist(), target.groups["tag_corners"], strict=True
+    ):
+        expected = pixels(target.points[index])
+        np.testing.assert_allclose(found[tag_id].corners - 0.5, expected, atol=0.7)
+
+
 CHARUCO: dict[str, Any] = {"columns": 5, "rows": 4, "square_size_m": 0.05, "marker_size_m": 0.03}
 
 
@@ -163,6 +199,16 @@ CHARUCO: dict[str, Any] = {"columns": 5, "rows": 4, "square_size_m": 0.05, "mark
          "end with id 33, but tag16h5 has ids 0 to 29"),
         ("apriltag_grid", GRID | {"width_m": 1.0}, "it is 1.1 m and width_m is 1 m; enlarge"),
         ("apriltag_grid", GRID | BOARD | {"offset_m": (0.0, 0.1)}, "needs height_m >= 0.92"),
+        ("apriltag_poster", POSTER | {"tags": [*TAGS, TAGS[1]]},
+         "several tags have the id 7; every tag needs its own id"),
+        ("apriltag_poster", POSTER | {"family": "tag25h9"}, "id 586 found, but tag25h9 has ids"),
+        ("apriltag_poster", POSTER | {"height_m": 0.46},
+         "tag 40 at (-0.2, 0.1) m reaches over the sheet's edge by 0.02 m; the sheet ends 0.4 m"),
+        ("apriltag_poster", POSTER | {"tags": [*TAGS, TAGS[1] | {"id": 8, "x_m": 0.1}]},
+         "tag 7 at (0.2, 0.1) m and tag 8 at (0.1, 0.1) m overlap or touch; leave white"),
+        ("apriltag_poster", POSTER | {"tags": [*TAGS, TOUCHING]},
+         "overlap or touch"),
+        ("apriltag_poster", POSTER | {"tags": TAGS[:1]}, "at least 2 items"),
         ("checkerboard", {"columns": 7, "rows": 5, "square_size_m": 0.1, "height_m": 0.5},
          "it is 0.6 m and height_m is 0.5 m"),
         ("charuco", CHARUCO | {"marker_size_m": 0.06}, "markers must be smaller than squares"),

@@ -21,7 +21,16 @@ def board():
     kalibr = {"columns": 4, "rows": 3, "tag_size_m": 0.15, "tag_spacing": 0.3}
     chess = {"square_size_m": 0.1, "width_m": 1.0, "height_m": 0.8}
     charuco = {"columns": 7, "rows": 5, "square_size_m": 0.12, "marker_size_m": 0.09}
+    # Sizes differ fivefold, and two tags are turned.
+    poster = [
+        {"id": 7, "x_m": -0.23, "y_m": 0.12, "size_m": 0.35},
+        {"id": 100, "x_m": 0.2, "y_m": 0.1, "size_m": 0.25, "turn_deg": 30},
+        {"id": 3, "x_m": 0.05, "y_m": -0.2, "size_m": 0.22, "turn_deg": -90},
+        {"id": 586, "x_m": -0.3, "y_m": -0.2, "size_m": 0.07},
+        {"id": 41, "x_m": 0.3, "y_m": -0.2, "size_m": 0.07},
+    ]
     return {
+        "poster": build("apriltag_poster", width_m=0.85, height_m=0.65, tags=poster),
         "april": build("apriltag_grid", **april, width_m=0.85, height_m=0.65),
         "april_top_left": build(
             "apriltag_grid", **april, width_m=0.85, height_m=0.65, id_order="top_left", first_id=20

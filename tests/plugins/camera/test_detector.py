@@ -11,7 +11,15 @@ FISHEYE = {"model": "fisheye", "distortion": (-0.054, -0.078, 0.096, -0.0515)}
 BARREL = {"distortion": (-0.28, 0.08, 0.0005, -0.0004)}
 TURNED = ((25, -20, 10), (0.1, -0.05, 1.3))
 VIEWS = [TURNED, ((-30, 15, 170), (-0.1, 0.1, 1.5)), ((5, 35, -80), (0, 0, 1.6))]
-KINDS = ["april", "april_top_left", "kalibr", "charuco", "charuco_inverted", "charuco_legacy"]
+KINDS = [
+    "april",
+    "april_top_left",
+    "poster",
+    "kalibr",
+    "charuco",
+    "charuco_inverted",
+    "charuco_legacy",
+]
 
 
 def truth(target, T_s_t, config, index):
@@ -45,6 +53,16 @@ def test_pose_and_corners_of_a_rendered_board(kind, lens, board, camera, pose, p
         assert degrees < 0.3
         assert metres < 0.005
         assert found.measurement["sigma_px"] < 0.2
+
+
+def test_small_tags_of_a_poster_are_found_beside_a_large_one(board, camera, pose, photograph):
+    """The AprilTag library's faster half resolution would see the large ones only."""
+    target, config, T_s_t = board["poster"], camera(), pose((5, -5, 8), (0, 0, 2.1))
+    found = only(CAMERA.detect(photograph(target, T_s_t, config), config, target))
+    assert set(found.measurement["index"]) == set(range(len(target.points)))
+    degrees, metres = distance(found.geometry.T_s_t, T_s_t)
+    assert degrees < 0.2
+    assert metres < 0.003
 
 
 def test_a_tag_code_printed_with_another_rotation_is_found(board, camera, pose, photograph):

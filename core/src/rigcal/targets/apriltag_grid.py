@@ -5,26 +5,19 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from rigcal.geometry.se3 import Array
-from rigcal.targets.printed import (
-    board_outline,
-    cell_patches,
-    check_board_holds,
-    rectangle,
-)
+from rigcal.targets.apriltag import TAGS_IN_FAMILY, Family, tag_patches
+from rigcal.targets.printed import board_outline, check_board_holds, rectangle
 from rigcal.targets.target import Patch, Target, TargetConfig, TargetType
-
-TAGS_IN_FAMILY = {"tag16h5": 30, "tag25h9": 35, "tag36h10": 2320, "tag36h11": 587}
 
 
 class AprilTagGridConfig(TargetConfig, frozen=True):
     """Ids grow to the right, then up from the bottom row (`id_order: top_left`: then down)."""
 
     type: Literal["apriltag_grid"] = "apriltag_grid"
-    family: Literal["tag16h5", "tag25h9", "tag36h10", "tag36h11"] = "tag36h11"
+    family: Family = "tag36h11"
     columns: int = Field(ge=1, description="tags side by side")
     rows: int = Field(ge=1, description="tags one above the other")
     tag_size_m: float = Field(gt=0, description="outer edge of a tag's black border")
@@ -75,21 +68,6 @@ class AprilTagGridConfig(TargetConfig, frozen=True):
         return (self.columns * pitch + pad, self.rows * pitch + pad)
 
 
-def tag_cells(family: str, tag_id: int, border_cells: int) -> NDArray[np.bool_]:
-    """(n, n) cells of the upright tag with its border, row 0 at the top; true is white.
-
-    Upright as the AprilTag library and Kalibr print it, which is OpenCV's marker upside down.
-    """
-    import cv2
-
-    name = f"DICT_APRILTAG_{family.removeprefix('tag').upper()}"
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-    cells = dictionary.markerSize + 2 * border_cells
-    image = cv2.aruco.generateImageMarker(dictionary, tag_id, cells, borderBits=border_cells)
-    white: NDArray[np.bool_] = np.asarray(image) > 127
-    return white[::-1, ::-1]
-
-
 def _lower_left(config: AprilTagGridConfig) -> Array:
     """(rows, columns, 2) bottom-left corners of the tags, row 0 at the bottom."""
     pitch = config.tag_size_m + config.gap_m
@@ -124,9 +102,7 @@ def build_apriltag_grid(name: str, config: TargetConfig) -> Target:
     points = (corner[:, None, :] + rectangle(0, 0, size, size)).reshape(-1, 2)
     patches = _corner_squares(config, corner.min(axis=0)) if config.corner_squares else []
     for tag_id, (left, bottom) in zip(ids.tolist(), corner.tolist(), strict=True):
-        cells = tag_cells(config.family, tag_id, config.border_cells)
-        patches.append(Patch(rectangle(left, bottom, size, size), 0.0))
-        patches += cell_patches(cells, left, bottom + size, size / len(cells), 1.0)
+        patches += tag_patches(config.family, tag_id, config.border_cells, left, bottom, size)
     return Target(
         name=name,
         config=config,

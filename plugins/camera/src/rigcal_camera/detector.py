@@ -82,7 +82,7 @@ def _find(image: Image, target: Target, lens: Lens) -> Corners:
     else:
         raise ConfigError(
             f"target '{target.name}': cameras do not know targets of type '{kind}', and it brings "
-            "no `find` of its own (known: apriltag_grid, checkerboard, charuco)"
+            "no `find` of its own (known: apriltag_grid, apriltag_poster, checkerboard, charuco)"
         )
     return finder(image, target, lens)
 

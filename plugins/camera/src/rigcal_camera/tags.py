@@ -1,4 +1,4 @@
-"""Corners of AprilTag grids: bare tags by the AprilTag library, Kalibr's boards by completion."""
+"""Corners of AprilTag boards: bare tags by the AprilTag library, Kalibr's by completion."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def find_tag_corners(image: Image, target: Target, lens: Lens) -> Corners:
     border_cells = getattr(config, "border_cells", 1)
     saddles = getattr(config, "corner_squares", False)
     if border_cells == 1 and not saddles:
-        ids, uv = _bare_tags(image, family, set(target.groups["tag_ids"].tolist()))
+        ids, uv = _bare_tags(image, family, target)
     else:
         ids, uv = _aruco_tags(image, family, border_cells)
     if not saddles and len(ids):
@@ -50,10 +50,10 @@ def find_tag_corners(image: Image, target: Target, lens: Lens) -> Corners:
 
 
 def _labelled(ids: NDArray[np.int64], uv: Array, target: Target, lens: Lens) -> Corners:
-    """Corners of the target's own tags, with the first corner found from the grid's geometry.
+    """Corners of the target's own tags, with the first corner found from the board's geometry.
 
     Libraries print a tag's code turned by multiples of 90 degrees against each other: of the four
-    turns, the one with which the tags together form the grid is right.
+    turns, the one with which the tags together lie as on the board is right.
     """
     tag_ids, tag_corners = target.groups["tag_ids"], target.groups["tag_corners"]
     place = {int(tag_id): row for row, tag_id in enumerate(tag_ids)}
@@ -72,7 +72,8 @@ def _labelled(ids: NDArray[np.int64], uv: Array, target: Target, lens: Lens) -> 
     if max(support) < 4 * _MIN_TAGS:
         return no_corners(
             f"{known.sum()} tags with ids of '{target.name}' do not lie as on the board: "
-            "misread, or columns, rows, first_id or id_order of the target are wrong"
+            "misread, or ids or places of the target's tags (first_id, id_order, columns, rows) "
+            "are not those of the print"
         )
     return Corners(index.ravel(), turned[int(np.argmax(support))])
 
@@ -84,14 +85,31 @@ def _april_detector(family: str, decimate: float) -> Any:
     return Detector(families=family, nthreads=1, quad_decimate=decimate)
 
 
-def _bare_tags(image: Image, family: str, wanted: set[int]) -> Tags:
+def _bare_tags(image: Image, family: str, target: Target) -> Tags:
     """Tags by the AprilTag library; at full resolution if half of it may be too coarse for some."""
     ids, uv = _detected(image, family, 2.0)
-    side = np.linalg.norm(uv - np.roll(uv, 1, axis=1), axis=2)
-    missing = len(wanted.difference(ids.tolist()))
-    if missing and (len(ids) < _MIN_TAGS or side.min() < _COARSE_PX):
+    if _too_coarse(ids, uv, target):
         ids, uv = _detected(image, family, 1.0)
     return ids, uv
+
+
+def _too_coarse(ids: NDArray[np.int64], uv: Array, target: Target) -> bool:
+    """Whether a tag is missing that is small in the image, judged by the scale of the others."""
+    size_m = dict(zip(target.groups["tag_ids"].tolist(), _sizes_m(target).tolist(), strict=True))
+    missing = [size for tag_id, size in size_m.items() if tag_id not in ids]
+    own = [tag_id in size_m for tag_id in ids.tolist()]
+    if not missing or sum(own) < _MIN_TAGS:
+        return bool(missing)
+    side_px = np.linalg.norm(uv - np.roll(uv, 1, axis=1), axis=2)[own].min(axis=1)
+    px_per_m = side_px / [size_m[tag_id] for tag_id in ids[own].tolist()]
+    return bool(px_per_m.min() * min(missing) < _COARSE_PX)
+
+
+def _sizes_m(target: Target) -> Array:
+    """(n,) outer edge of each tag of the target."""
+    corners = target.points[target.groups["tag_corners"]]
+    result: Array = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=-1)
+    return result
 
 
 def _detected(image: Image, family: str, decimate: float) -> Tags:

@@ -94,7 +94,8 @@ def test_each_ray_may_have_its_own_origin() -> None:
 
 def test_no_rays_and_no_shapes() -> None:
     assert Scene(BOARD, None).cast(ORIGIN, unit((1, 0, 0)))[1].tolist() == [-1]
-    assert len(Scene(BOARD, at(3.0)).cast(ORIGIN, np.zeros((0, 3)))[0]) == 0
+    for origins in (ORIGIN, np.zeros((0, 3))):
+        assert len(Scene(BOARD, at(3.0)).cast(origins, np.zeros((0, 3)))[0]) == 0
 
 
 @given(st.integers(0, 10_000))

@@ -34,16 +34,25 @@ def fit_plane(points: Array) -> tuple[Array, float]:
     return (-n, -d) if d < 0 else (n, d)
 
 
+def half_planes(polygon: Array) -> tuple[Array, Array]:
+    """Outward unit normals (K, 2) and offsets (K,) of the sides of a convex anticlockwise polygon.
+
+    `normal . p <= offset` on the inner side of each.
+    """
+    polygon = np.asarray(polygon, np.float64)
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
+    outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
+    return outward, np.einsum("kj,kj->k", outward, polygon)
+
+
 def inside_convex(points: Array, polygon: Array, margin: float = 0.0) -> np.ndarray:
     """Which of (..., 2) points lie inside a convex, anticlockwise (K, 2) polygon.
 
     A point is inside when it is on the inner side of every boundary half-plane; `margin` > 0 (m)
     widens the polygon, < 0 shrinks it.
     """
-    points, polygon = np.asarray(points, np.float64), np.asarray(polygon, np.float64)
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
-    outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
-    offsets = np.einsum("kj,kj->k", outward, polygon)
+    outward, offsets = half_planes(polygon)
+    points = np.asarray(points, np.float64)
     result: np.ndarray = np.all(points @ outward.T - offsets <= margin, axis=-1)
     return result

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,16 +36,21 @@ class Scene:
         """
         ranges = np.full(len(d_w), np.inf)
         hit = np.full(len(d_w), -1, dtype=np.int64)
+        if len(d_w) == 0:
+            return ranges, hit
         shapes: list[tuple[int, Shape]] = list(enumerate(self.shapes, start=1))
         if self.T_w_t is not None:
             shapes.insert(0, (0, Surface(self.T_w_t, self.target.outline)))
-        near = _rays_near([shape for _, shape in shapes], p_w, d_w)
-        for (index, shape), rays in zip(shapes, near, strict=True):
-            d_f = d_w[rays] @ shape.T_w_f[:3, :3]
-            start = p_w[rays] if p_w.ndim == 2 else p_w
-            t = shape.meet((start - shape.T_w_f[:3, 3]) @ shape.T_w_f[:3, :3], d_f)
-            closer = t < ranges[rays]
-            ranges[rays[closer]], hit[rays[closer]] = t[closer], index
+        origins = np.atleast_2d(p_w)
+        middle = origins.mean(axis=0)
+        spread = float(np.sqrt(np.sum((origins - middle) ** 2, axis=1).max()))
+        for index, shape in shapes:
+            rays = _rays_near(shape, middle, spread, d_w)
+            start = p_w if p_w.ndim == 1 else p_w[rays]
+            t = shape.meet(start, d_w[rays], ranges[rays])
+            met = np.isfinite(t)
+            ranges[rays] = np.where(met, t, ranges[rays])
+            hit[rays] = np.where(met, index, hit[rays])
         return ranges, hit
 
     def greys(self, p_w: Array, hit: NDArray[np.int64], footprint_m: Array | float = 0.0) -> Array:
@@ -65,20 +69,14 @@ class Scene:
         return greys
 
 
-def _rays_near(shapes: Sequence[Shape], p_w: Array, d_w: Array) -> list[NDArray[np.intp]]:
-    """For each shape the rays that meet the sphere around it, and perhaps a few more.
+def _rays_near(shape: Shape, middle: Array, spread: float, d_w: Array) -> NDArray[np.intp] | slice:
+    """The rays that meet the sphere around a shape, and perhaps a few more.
 
-    Rays from different origins are taken from the middle of these, and the spheres are the larger
-    for it: that costs one matrix product for all shapes.
+    Rays that start up to `spread` (m) off `middle` are taken as from there, to a larger sphere.
     """
-    if not shapes or not len(d_w):
-        return [np.arange(0)] * len(shapes)
-    origins = np.atleast_2d(p_w)
-    middle = origins.mean(axis=0)
-    spread = float(np.linalg.norm(origins - middle, axis=1).max())
-    centers = np.array([se3.apply(shape.T_w_f, shape.bounds[0]) for shape in shapes]) - middle
-    radii = np.array([shape.bounds[1] for shape in shapes]) * (1 + 1e-9) + spread + 1e-9
-    beyond = np.einsum("ki,ki->k", centers, centers) - radii**2
-    near = centers @ d_w.T >= np.sqrt(np.maximum(beyond, 0.0))[:, None]
-    near[beyond <= 0] = True
-    return [np.flatnonzero(rays) for rays in near]
+    center, radius = shape.bounds
+    away = center - middle
+    beyond = float(away @ away) - (radius * (1 + 1e-9) + spread + 1e-9) ** 2
+    if beyond <= 0:
+        return slice(None)
+    return np.flatnonzero(d_w @ away >= np.sqrt(beyond))

@@ -23,13 +23,13 @@ class Shape(Protocol):
 
     @property
     def bounds(self) -> tuple[Array, float]:
-        """Centre (3,) in f and radius (m) of a sphere that holds it."""
+        """Centre (3,) in w and radius (m) of a sphere that holds it."""
         ...
 
-    def meet(self, p_f: Array, d_f: Array) -> Array:
-        """(N,) range (m) of the first hits t > 0 of rays; inf where a ray misses.
+    def meet(self, p_w: Array, d_w: Array, limit: Array) -> Array:
+        """(N,) range (m) of the first hits of rays, 0 < t < `limit` (N,); inf where there is none.
 
-        p_f: origins (3,) or (N, 3); d_f: unit directions (N, 3).
+        p_w: origins (3,) or (N, 3); d_w: unit directions (N, 3).
         """
         ...
 
@@ -49,15 +49,16 @@ class Sphere:
     @property
     def bounds(self) -> tuple[Array, float]:
         """See `Shape`."""
-        return np.zeros(3), self.radius
+        return self.T_w_f[:3, 3], self.radius
 
-    def meet(self, p_f: Array, d_f: Array) -> Array:
+    def meet(self, p_w: Array, d_w: Array, limit: Array) -> Array:
         """See `Shape`."""
+        p_f, d_f = _in_frame(self.T_w_f, p_w, d_w)
         middle = -np.sum(p_f * d_f, axis=1)
         foot = p_f + middle[:, None] * d_f
         square = self.radius**2 - np.einsum("ni,ni->n", foot, foot)
         half = np.sqrt(np.maximum(square, 0.0))
-        return _first(middle - half, np.where(square >= 0, middle + half, -np.inf))
+        return _first(middle - half, np.where(square >= 0, middle + half, -np.inf), limit)
 
     def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
         """See `Shape`."""
@@ -76,10 +77,11 @@ class Cylinder:
     @property
     def bounds(self) -> tuple[Array, float]:
         """See `Shape`."""
-        return np.zeros(3), float(np.hypot(self.radius, self.height / 2))
+        return self.T_w_f[:3, 3], float(np.hypot(self.radius, self.height / 2))
 
-    def meet(self, p_f: Array, d_f: Array) -> Array:
+    def meet(self, p_w: Array, d_w: Array, limit: Array) -> Array:
         """See `Shape`. A ray is inside while it is within the mantle and between both ends."""
+        p_f, d_f = _in_frame(self.T_w_f, p_w, d_w)
         xy, flat = p_f[..., :2], d_f[:, :2]
         slope = np.maximum(np.linalg.norm(flat, axis=1), _TINY)
         middle = -np.sum(xy * flat, axis=1) / slope**2
@@ -90,14 +92,19 @@ class Cylinder:
         ends = (np.array([[-0.5], [0.5]]) * self.height - p_f[..., 2]) / rise
         enter = np.maximum(middle - half, ends.min(axis=0))
         leave = np.minimum(middle + half, ends.max(axis=0))
-        return _first(enter, np.where(square >= 0, leave, -np.inf))
+        return _first(enter, np.where(square >= 0, leave, -np.inf), limit)
 
     def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
         """See `Shape`."""
         return np.full(len(p_f), self.grey)
 
 
-def _first(enter: Array, leave: Array) -> Array:
-    """The first t > 0 at which rays cross the rim of a convex body; inf where they do not."""
+def _in_frame(T_w_f: Array, p_w: Array, d_w: Array) -> tuple[Array, Array]:
+    """Origins (3,) or (N, 3) and directions (N, 3) of rays in frame f."""
+    return (p_w - T_w_f[:3, 3]) @ T_w_f[:3, :3], d_w @ T_w_f[:3, :3]
+
+
+def _first(enter: Array, leave: Array, limit: Array) -> Array:
+    """The first t > 0 at which rays cross the rim of a convex body; inf where t >= `limit`."""
     t = np.where(enter > 0, enter, leave)
-    return np.where((enter <= leave) & (leave > 0), t, np.inf)
+    return np.where((enter <= leave) & (t > 0) & (t < limit), t, np.inf)

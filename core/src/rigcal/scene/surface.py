@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.geometry.shapes import inside_convex
+from rigcal.geometry.shapes import half_planes, plane_of_target
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,21 +26,30 @@ class Surface:
     grey: float = 0.5
     texture: NDArray[np.uint8] | None = None
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, float]:
         """See `Shape`."""
         center = self.polygon.mean(axis=0)
-        return np.append(center, 0.0), float(np.linalg.norm(self.polygon - center, axis=1).max())
+        radius = float(np.linalg.norm(self.polygon - center, axis=1).max())
+        return se3.apply(self.T_w_f, np.append(center, 0.0)), radius
 
-    def meet(self, p_f: Array, d_f: Array) -> Array:
+    @cached_property
+    def _sides(self) -> tuple[Array, Array]:
+        """Normals (K, 3) and offsets (K,) in w of the planes through the sides, across the face."""
+        outward, offsets = half_planes(self.polygon)
+        normals = outward @ self.T_w_f[:3, :2].T
+        return normals, offsets + normals @ self.T_w_f[:3, 3]
+
+    def meet(self, p_w: Array, d_w: Array, limit: Array) -> Array:
         """See `Shape`. `t = -(n . p0 + d) / (n . rho)` (eq. 4.12 of the seed, MSG-Cal)."""
+        n, d = plane_of_target(self.T_w_f)
         with np.errstate(divide="ignore", invalid="ignore"):
-            t = -p_f[..., 2] / d_f[:, 2]
-        ahead = np.flatnonzero((t > 0) & np.isfinite(t))
-        start = p_f[ahead, :2] if p_f.ndim == 2 else p_f[:2]
-        xy = start + t[ahead, None] * d_f[ahead, :2]
-        ranges = np.full(len(d_f), np.inf)
-        ahead = ahead[inside_convex(xy, self.polygon)]
+            t = -(p_w @ n + d) / (d_w @ n)
+        ahead = np.flatnonzero((t > 0) & (t < limit))
+        end = t[ahead, None] * d_w[ahead] + (p_w[ahead] if p_w.ndim == 2 else p_w)
+        normals, offsets = self._sides
+        ahead = ahead[np.all(normals @ end.T <= offsets[:, None], axis=0)]
+        ranges = np.full(len(d_w), np.inf)
         ranges[ahead] = t[ahead]
         return ranges
 

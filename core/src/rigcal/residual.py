@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigcal.errors import ObservationError
+from rigcal.errors import ObservationError, RigcalError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import plane_of_target, tangent_basis
 from rigcal.observation import Candidate, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
-from rigcal.plugin.contract import Residual
+from rigcal.plugin.contract import Residual, SensorConfig, SensorType
+from rigcal.targets.target import Target
 
 _E_Z = np.array([0.0, 0.0, 1.0])
 
@@ -165,6 +166,27 @@ class PointResidual:
         R = T_s_t[:3, :3]
         J = np.hstack([-R @ se3.skew(self.p_t), R])
         return self.W @ (se3.apply(T_s_t, self.p_t) - self.p_s), self.W @ J
+
+
+def residual_of(
+    kind: SensorType, candidate: Candidate, config: SensorConfig, target: Target
+) -> Residual:
+    """The sensor type's own residual, or the default one of the geometry.
+
+    ObservationError if the type's own cannot be made of the candidate's measurements.
+    """
+    if kind.residual is None:
+        return residual_of_geometry(candidate)
+    try:
+        return kind.residual(candidate, config, target)
+    except RigcalError:
+        raise
+    except Exception as error:
+        shapes = ", ".join(f"{k} {np.shape(v)}" for k, v in candidate.measurement.items())
+        raise ObservationError(
+            f"the residual of sensor type '{kind.name}' cannot be made of its measurements "
+            f"({shapes or 'none'}): {type(error).__name__}: {error}"
+        ) from error
 
 
 def residual_of_geometry(candidate: Candidate) -> Residual:

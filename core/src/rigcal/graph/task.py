@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rigcal.errors import ObservationError
 from rigcal.observation import Candidate, Observation
 from rigcal.plugin.contract import Residual, SensorType
-from rigcal.residual import residual_of_geometry
+from rigcal.residual import residual_of
 from rigcal.rig import Rig
 from rigcal.targets.target import Target
 
@@ -30,7 +31,13 @@ class Task:
 
     def residual(self, sensor: str, candidate: Candidate) -> Residual:
         """The sensor type's own residual, or the default one of the geometry."""
-        make = self.kinds[sensor].residual
-        if make is None:
-            return residual_of_geometry(candidate)
-        return make(candidate, self.rig.sensors[sensor], self.target(sensor))
+        config, target = self.rig.sensors[sensor], self.target(sensor)
+        try:
+            return residual_of(self.kinds[sensor], candidate, config, target)
+        except ObservationError as error:
+            exposure = self._exposure_of(sensor, candidate)
+            raise ObservationError(f"sensor '{sensor}', exposure '{exposure}': {error}") from error
+
+    def _exposure_of(self, sensor: str, candidate: Candidate) -> str:
+        seen = {k: o[sensor].candidates for k, o in self.exposures.items() if sensor in o}
+        return next(k for k, own in seen.items() if any(c is candidate for c in own))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rigcal.errors import ObservationError
+from rigcal.geometry.se3 import Array
 from rigcal.observation import (
     Candidate,
     Detection,
@@ -35,6 +36,18 @@ def check_detection(found: object) -> None:
             _check_candidate(candidate)
         except ObservationError as error:
             raise ObservationError(f"candidate {number}: {error}") from None
+
+
+def check_residual(r: Array, J: Array, block: int) -> None:
+    """ObservationError unless r (m,) and J (m, 6) are finite and m is a multiple of `block`."""
+    if np.ndim(r) != 1 or np.shape(J) != (len(r), 6) or len(r) % max(block, 1):
+        raise ObservationError(
+            f"its residual and Jacobian have shapes {np.shape(r)} and {np.shape(J)}; expected "
+            f"(m,) and (m, 6), m a multiple of its block {block}"
+        )
+    for name, values in (("residual", r), ("Jacobian", J)):
+        if not np.isfinite(values).all():
+            raise ObservationError(f"its {name} holds a value that is not finite")
 
 
 def _check_candidate(candidate: Any) -> None:

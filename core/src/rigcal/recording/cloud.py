@@ -92,6 +92,8 @@ def cloud_message(fields: Mapping[str, NDArray[Any]], stamp_ns: int, frame_id: s
 def _from_point_cloud2(cloud: Any, origin: str) -> Fields:
     """Any layout: gaps, padded rows, either byte order."""
     width, height, step = int(cloud.width), int(cloud.height), int(cloud.point_step)
+    if not cloud.fields:
+        raise RecordingError(f"{origin}: the cloud's points have no fields; expected x, y, z")
     if width * height == 0:
         return {str(f.name): np.zeros(0, _field_dtype(f, ">", origin).base) for f in cloud.fields}
     layout = _layout(cloud, origin)
@@ -148,7 +150,14 @@ def _field_dtype(field: Any, order: str, origin: str) -> np.dtype[Any]:
     count = int(field.count)
     base = np.dtype(f"{order}{name}")
     # Some drivers leave the count 0.
-    return base if count <= 1 else np.dtype((base, (count,)))
+    if count <= 1:
+        return base
+    try:
+        return np.dtype((base, (count,)))
+    except ValueError as error:
+        raise RecordingError(
+            f"{origin}: point field '{field.name}' has {count} values in each point: {error}"
+        ) from error
 
 
 def _known_types() -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rigcal.errors import ObservationError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate
@@ -58,6 +59,11 @@ def make_residual(
     """The residual of one candidate, whitened by the camera's `sigma_px`."""
     uv = np.asarray(candidate.measurement["uv"], dtype=np.float64)
     p_t = target.points[np.asarray(candidate.measurement["index"])]
+    if p_t.ndim != 2 or uv.shape != (len(p_t), 2) or not len(uv):
+        raise ObservationError(
+            f"a camera's candidate has `index` of shape {p_t.shape[:-1]} and `uv` of shape "
+            f"{uv.shape}; expected (M,) and (M, 2), one row for each corner"
+        )
     return ReprojectionResidual(lens_of(config), p_t, uv, config.sigma_px)
 
 

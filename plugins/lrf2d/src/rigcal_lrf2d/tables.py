@@ -27,7 +27,7 @@ def read_table(path: Path, origin: str) -> dict[str, NDArray[Any]]:
     """
     try:
         names, columns = _read_csv(path) if path.suffix == ".csv" else _read_npy(path)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError) as error:
         raise RecordingError(
             f"{origin}: cannot be read as a scan ({error}); expected {_EXPECTED}"
         ) from None

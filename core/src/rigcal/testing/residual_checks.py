@@ -1,0 +1,184 @@
+"""Checks of detector and residual: what is known of a residual at a known pose."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from rigcal.errors import RigcalError
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.observation import Candidate, Observation
+from rigcal.observation_file import load_observations, save_observations
+from rigcal.plugin.answers import check_detection, check_residual
+from rigcal.testing import strategies as st
+from rigcal.testing.capability import needs
+from rigcal.testing.same import assert_same
+from rigcal.testing.stage import TOLERANCES, Stage
+from rigcal.testing.statistics import assert_chi_square, assert_white
+
+_DRAWS, _POSES = 120, 6
+_STEP = 1e-6
+
+
+class ResidualChecks(Stage):
+    """Residuals vanish at the truth, are whitened, and have the derivative that they claim."""
+
+    @needs("frames")
+    def test_frame_without_noise_is_explained_by_the_true_pose(self) -> None:
+        unit = self.sensor_type.unit
+        limit = TOLERANCES.get(unit) if self.tolerance is None else self.tolerance
+        assert limit is not None, f"set `tolerance` in the test class, in the type's unit '{unit}'"
+        rng = np.random.default_rng(0)
+        for T_s_t in self.poses(rng, _POSES):
+            candidate = self.detected(self.frame(T_s_t, rng, noise=False))
+            assert _rms(self.errors(candidate, T_s_t)) < limit
+
+    @needs("observe")
+    def test_observation_without_noise_is_explained_by_the_true_pose(self) -> None:
+        rng = np.random.default_rng(0)
+        for T_s_t in self.poses(rng, _POSES):
+            candidate = self.candidate(T_s_t, rng, noise=False)
+            assert _rms(self.errors(candidate, T_s_t)) < self.feature_tolerance
+
+    @needs("frames")
+    def test_detection_is_whole_ordered_and_repeatable(self) -> None:
+        rng = np.random.default_rng(0)
+        (T_s_t,) = self.poses(rng, 1)
+        frame = self.frame(T_s_t, np.random.default_rng(1))
+        again = self.frame(T_s_t, np.random.default_rng(1))
+        found = self.sensor_type.detect(frame, self.config, self.target)
+        check_detection(found)
+        scores = [candidate.score for candidate in found.candidates]
+        assert scores == sorted(scores, reverse=True), "candidates come best first"
+        assert_same(frame, again, where="the frame that detect was given")
+        assert_same(found, self.sensor_type.detect(again, self.config, self.target))
+
+    @needs("candidates")
+    def test_residual_has_the_shape_that_it_announces(self) -> None:
+        T_s_t, candidate = self._one()
+        residual = self.residual(candidate)
+        r, J = residual(T_s_t)
+        assert r.ndim == 1
+        assert J.shape == (len(r), 6)
+        assert r.dtype == J.dtype == np.float64
+        assert np.isfinite(r).all()
+        assert np.isfinite(J).all()
+        assert residual.block > 0
+        assert len(r) % residual.block == 0, "r has whole blocks of rows"
+        assert 0 < residual.dof <= len(r)
+
+    @needs("candidates")
+    def test_jacobian_is_the_derivative(self) -> None:
+        T_s_t, candidate = self._one()
+        residual = self.residual(candidate)
+
+        @settings(max_examples=25, deadline=None, derandomize=True, database=None)
+        @given(st.motions())
+        def check(xi: Array) -> None:
+            T = T_s_t @ se3.exp(xi)
+            step = _STEP * np.eye(6)
+            difference = [residual(T @ se3.exp(d))[0] - residual(T @ se3.exp(-d))[0] for d in step]
+            J = residual(T)[1]
+            largest = max(float(np.abs(J).max()), 1.0)
+            np.testing.assert_allclose(J, np.array(difference).T / (2 * _STEP), atol=1e-5 * largest)
+
+        check()
+
+    @needs("candidates")
+    def test_residual_is_whitened(self) -> None:
+        rows, count = self._rows_at_the_truth()
+        assert_chi_square(sum(float(r @ r) for r in rows), count, "the residual at the truth")
+        assert_white(rows)
+
+    @needs("candidates")
+    def test_same_seed_gives_the_same_candidate(self) -> None:
+        assert_same(self._one(7), self._one(7), where="the candidate")
+
+    @needs("candidates")
+    def test_order_of_measurements_does_not_matter(self) -> None:
+        T_s_t, candidate = self._one()
+        T = T_s_t @ se3.exp(np.array([0.01, -0.02, 0.01, 0.01, 0.0, -0.02]))
+        shuffled = _shuffled(candidate, np.random.default_rng(3))
+        (r, J), (r2, J2) = (self.residual(c)(T) for c in (candidate, shuffled))
+        scale = float(np.abs(J.T @ J).max())
+        np.testing.assert_allclose(r2 @ r2, r @ r, rtol=1e-6)
+        np.testing.assert_allclose(J2.T @ J2, J.T @ J, rtol=1e-6, atol=1e-6 * scale)
+
+    @needs("candidates")
+    def test_candidate_survives_its_file(self) -> None:
+        T_s_t, candidate = self._one()
+        path = self.folder / "observations.npz"
+        save_observations(path, [Observation("sensor", "0", 1, "kit", (candidate,))])
+        (read,) = load_observations(path)[0][0].candidates
+        assert_same(self.residual(candidate)(T_s_t), self.residual(read)(T_s_t))
+
+    @needs("candidates", "residual")
+    @pytest.mark.parametrize("damage", ["empty", "truncated", "not finite", "wrong shape", "gone"])
+    def test_damaged_measurement_is_an_error_or_a_whole_residual(self, damage: str) -> None:
+        T_s_t, candidate = self._one()
+        for name in candidate.measurement:
+            measurement = dict(candidate.measurement) | {name: _damaged(candidate, name, damage)}
+            if damage == "gone":
+                del measurement[name]
+            spoilt = Candidate(candidate.geometry, measurement, candidate.score)
+            with np.errstate(all="ignore"):
+                try:
+                    residual = self.residual(spoilt)
+                    check_residual(*residual(T_s_t), residual.block)
+                except RigcalError:
+                    continue
+                except Exception as error:
+                    raise AssertionError(
+                        f"measurement '{name}' {damage}: the residual raised "
+                        f"{type(error).__name__}; raise rigcal.errors.ObservationError"
+                    ) from error
+
+    def _one(self, seed: int = 0) -> tuple[Array, Candidate]:
+        rng = np.random.default_rng(seed)
+        (T_s_t,) = self.poses(rng, 1)
+        return T_s_t, self.candidate(T_s_t, rng)
+
+    def _rows_at_the_truth(self) -> tuple[list[Array], int]:
+        rng = np.random.default_rng(5)
+        residuals = []
+        for T_s_t in self.poses(rng, _DRAWS):
+            residual = self.residual(self.candidate(T_s_t, rng))
+            residuals.append((residual(T_s_t)[0], residual.dof))
+        return [r for r, _ in residuals], sum(dof for _, dof in residuals)
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _length(candidate: Candidate) -> int:
+    """How many measurements: the first length that most of the arrays share."""
+    lengths = [len(v) for v in candidate.measurement.values() if np.ndim(v)]
+    return max(set(lengths), key=lengths.count) if lengths else 0
+
+
+def _shuffled(candidate: Candidate, rng: np.random.Generator) -> Candidate:
+    order = rng.permutation(_length(candidate))
+    measurement = {
+        name: v[order] if np.ndim(v) and len(v) == len(order) else v
+        for name, v in candidate.measurement.items()
+    }
+    return Candidate(candidate.geometry, measurement, candidate.score)
+
+
+def _damaged(candidate: Candidate, name: str, damage: str) -> Any:
+    value = np.asarray(candidate.measurement[name])
+    match damage:
+        case "empty":
+            return value[:0] if value.ndim else np.zeros(0)
+        case "truncated":
+            return value[: len(value) // 2] if value.ndim else value
+        case "not finite":
+            return np.full(value.shape, np.nan)
+        case "wrong shape":
+            return np.stack([value, value], axis=-1)
+    return value

@@ -1,0 +1,21 @@
+"""The camera under the kit that every sensor plugin is tested by."""
+
+from rigcal.testing import SensorConformance
+from rigcal_camera import CAMERA, CameraConfig
+
+
+class TestCamera(SensorConformance):
+    sensor_type = CAMERA
+    optical = True
+    config = CameraConfig(
+        topic="/camera/image_raw",
+        width_px=960,
+        height_px=720,
+        focal_px=(570.0, 570.0),
+        principal_px=(479.5, 359.5),
+        distortion=(-0.1, 0.02, 0.0005, -0.0003),
+        sigma_px=0.2,
+    )
+    noise_free_effects = CAMERA.effects.model_validate({"noise_grey": 0.0})
+    # Noise of pixels makes noise of corners, which is below the configured one.
+    raw_noise_is_configured = False

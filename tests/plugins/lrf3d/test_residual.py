@@ -107,7 +107,7 @@ def test_the_fitted_planes_covariance_is_true(config: Lrf3dConfig) -> None:
     nees = []
     for seed in range(300):
         points = returns(config, seed)
-        plane = fit(points, *fit_plane(points), config, 0.1)
+        plane = fit(points, *fit_plane(points), config.noise, 0.1)
         assert plane is not None
         w = np.cross(plane.normal, n_true)
         v = np.append(tangent_basis(plane.normal).T @ w, -(n_true @ plane.center + d_true))
@@ -121,7 +121,7 @@ def test_mixed_pixels_do_not_bend_the_plane() -> None:
     rng = np.random.default_rng(4)
     bad = points.copy()
     bad[:60] *= (1 + rng.uniform(0.03, 0.5, 60))[:, None]
-    clean, dirty = (fit(p, *fit_plane(points), config, 0.1) for p in (points[60:], bad))
+    clean, dirty = (fit(p, *fit_plane(points), config.noise, 0.1) for p in (points[60:], bad))
     assert clean is not None
     assert dirty is not None
     assert dirty.normal @ clean.normal > np.cos(np.radians(0.1))
@@ -135,7 +135,7 @@ def test_beams_along_the_plane_neither_count_nor_cost() -> None:
     n, d = fit_plane(points)
     along = np.cross(n, [0.0, 0.0, 1.0]) * np.linspace(50, 5000, 30)[:, None]
     grazing = along - n * (d - 0.02)
-    plane = fit(np.concatenate([points, grazing]), n, d, config, 0.06)
+    plane = fit(np.concatenate([points, grazing]), n, d, config.noise, 0.06)
     assert plane is not None
     assert not plane.inliers[len(points) :].any()
     assert plane.normal @ n > np.cos(np.radians(0.2))

@@ -5,24 +5,23 @@ from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.scene import Scene
 from rigcal.targets.target import Target
-from rigcal_lrf3d import LRF3D, Cloud, Lrf3dConfig
-from rigcal_lrf3d.simulator import scan_beams, scan_poses, simulate
+from rigcal_lrf3d import LRF3D, Cloud, Lrf3dConfig, MultibeamScan, SpinningScan
+from rigcal_lrf3d.beams import beams_of, scan_poses
+from rigcal_lrf3d.simulator import simulate
 
 FACING = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Columns: the board's right, up and outward axes for a sensor that looks along x."""
 
 
 def test_without_tilt_and_offset_a_scan_stands_upright() -> None:
-    config = Lrf3dConfig.model_validate({"scan": {"pattern": "spinning_lrf"}})
-    T_s_l = scan_poses(config.scan)  # type: ignore[arg-type]
+    T_s_l = scan_poses(SpinningScan())
     np.testing.assert_allclose(T_s_l[:, :3, 0], np.tile([0.0, 0.0, 1.0], (len(T_s_l), 1)))
     np.testing.assert_array_equal(T_s_l[:, :3, 3], 0)
 
 
 def test_tilt_and_offset_move_the_scan_plane() -> None:
     scan = {"pattern": "spinning_lrf", "tilt_deg": 10, "offset_m": 0.05, "scan_angle_deg": 180}
-    config = Lrf3dConfig.model_validate({"scan": scan})
-    T_s_l = scan_poses(config.scan)  # type: ignore[arg-type]
+    T_s_l = scan_poses(SpinningScan.model_validate(scan))
     assert len(T_s_l) == 180
     np.testing.assert_allclose(np.degrees(np.arccos(T_s_l[:, 2, 0])), 10)
     np.testing.assert_allclose(np.linalg.norm(T_s_l[:, :2, 3], axis=1), 0.05)
@@ -34,7 +33,7 @@ def test_tilt_and_offset_move_the_scan_plane() -> None:
 
 def test_beams_are_unit_directions_of_the_expected_number() -> None:
     scan = {"pattern": "multibeam", "elevations_deg": [-10, 0, 10], "azimuth_step_deg": 0.5}
-    origins, directions = scan_beams(Lrf3dConfig.model_validate({"scan": scan}))
+    origins, directions = beams_of(MultibeamScan.model_validate(scan), np.random.default_rng(0))
     assert directions.shape == (3 * 720, 3)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
     np.testing.assert_array_equal(origins, 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
+from rigcal.ranging import RangeEffects
 from rigcal_lrf2d.config import Lrf2dConfig
 from rigcal_lrf2d.decode import MESSAGE_TYPES, decode, view
 from rigcal_lrf2d.detector import detect
@@ -26,6 +27,7 @@ LRF2D = SensorType(
     simulate=simulate,
     encode=encode,
     message_type=MESSAGE_TYPE,
+    effects=RangeEffects,
     sees=sees,
     view=view,
 )

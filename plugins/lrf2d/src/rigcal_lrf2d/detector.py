@@ -6,10 +6,11 @@ import numpy as np
 
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection, LineGeometry
+from rigcal.ranging import RangeNoise
 from rigcal.targets.target import Target
 from rigcal_lrf2d.config import Lrf2dConfig
 from rigcal_lrf2d.ends import Ends, ends_of
-from rigcal_lrf2d.line import Line, Noise, fit_line, line_covariance
+from rigcal_lrf2d.line import Line, fit_line, line_covariance
 from rigcal_lrf2d.pieces import Beams, Index, beams_of
 from rigcal_lrf2d.scan import Scan
 from rigcal_lrf2d.segment import MIN_BEAMS, Segments, straight_segments
@@ -18,11 +19,6 @@ MAX_CANDIDATES = 8
 _MAX_SIGMA_DIRECTION = 0.1
 """A segment whose direction is known worse than this (rad) says nothing about a plane."""
 _Z_VARIANCE = 1e-12
-
-
-def noise_of(config: Lrf2dConfig) -> Noise:
-    """The configured noise of ranges and angles."""
-    return Noise(config.sigma_m, float(np.radians(config.sigma_angle_deg)))
 
 
 def longest_chord(target: Target) -> float:
@@ -45,9 +41,9 @@ def detect(scan: Scan, config: Lrf2dConfig, target: Target) -> Detection:
         reason = f"{returns} of {len(scan.angles)} beams returned a range in the sensor's limits"
         return Detection((), reason)
     scan = scan.cut_at_largest_jump()
-    beams, noise = beams_of(scan), noise_of(config)
+    beams, noise = beams_of(scan), config.noise
     longest, short = longest_chord(target), float(target.size.min())
-    segments = straight_segments(beams, noise, longest + 3 * noise.range_m, max_gap=0.1 * short)
+    segments = straight_segments(beams, noise, longest, max_gap=0.1 * short)
     ends = ends_of(segments, beams, scan, noise)
     scores = _scores(segments, ends, beams, noise, short)
     candidates: list[Candidate] = []
@@ -67,7 +63,7 @@ def detect(scan: Scan, config: Lrf2dConfig, target: Target) -> Detection:
     return Detection(tuple(candidates))
 
 
-def _scores(segments: Segments, ends: Ends, beams: Beams, noise: Noise, short: float) -> Array:
+def _scores(segments: Segments, ends: Ends, beams: Beams, noise: RangeNoise, short: float) -> Array:
     """(S,) in (0, 1]; `short` is the board's shorter side (m)."""
     z = np.where(segments.members, segments.line.whitened(beams.u, beams.ranges, noise), 0.0)
     count = np.count_nonzero(segments.members, axis=1)
@@ -79,7 +75,7 @@ def _scores(segments: Segments, ends: Ends, beams: Beams, noise: Noise, short: f
 
 
 def _candidate(
-    segments: Segments, ends: Ends, i: int, beams: Beams, noise: Noise, score: float
+    segments: Segments, ends: Ends, i: int, beams: Beams, noise: RangeNoise, score: float
 ) -> Candidate | None:
     """Segment i as a candidate; None if it is too short to tell a direction."""
     members = _without_mixed_ends(segments.select(np.array([i])), beams, noise)
@@ -99,7 +95,7 @@ def _candidate(
     return Candidate(geometry, {"angles": angles, "ranges": r}, score)
 
 
-def _without_mixed_ends(segment: Segments, beams: Beams, noise: Noise) -> Index:
+def _without_mixed_ends(segment: Segments, beams: Beams, noise: RangeNoise) -> Index:
     """The segment's beams without those at its ends that are off by two standard deviations.
 
     A beam that half hits the board and half what is behind reports a range in between.

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigcal.geometry.se3 import Array
-from rigcal_lrf2d.line import Line, Noise
+from rigcal.ranging import RangeNoise
+from rigcal_lrf2d.line import Line
 from rigcal_lrf2d.pieces import Beams, Mask
 from rigcal_lrf2d.scan import Scan
 from rigcal_lrf2d.segment import Segments
@@ -27,7 +28,7 @@ class Ends:
     off: Array
 
 
-def ends_of(segments: Segments, beams: Beams, scan: Scan, noise: Noise) -> Ends:
+def ends_of(segments: Segments, beams: Beams, scan: Scan, noise: RangeNoise) -> Ends:
     """The ends towards smaller and greater angles.
 
     An end is an edge of the board if the next beam (or the next but one: a mixed pixel lies

@@ -8,17 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rigcal.geometry.se3 import Array
+from rigcal.ranging import RangeNoise
 
 MIN_INCIDENCE = 0.05
 """Least |n . u| of a beam that says anything about a line: grazing by 3 degrees."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of a range (m) and of a beam's angle (rad)."""
-
-    range_m: float
-    angle_rad: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +40,12 @@ class Line:
         meets = dot < -MIN_INCIDENCE
         return np.where(meets, -self.d[..., None] / np.where(meets, dot, -1.0), np.inf)
 
-    def sigma(self, u: Array, noise: Noise) -> Array:
-        """(N,) standard deviation of the range: its own noise, and the angle's at that incidence.
-
-        `dr/da = -r (n . u') / (n . u)`, with u' the direction u turned by 90 degrees.
-        """
-        if noise.angle_rad == 0:
-            return np.full((*self.d.shape, u.shape[-2]), noise.range_m)
+    def sigma(self, u: Array, noise: RangeNoise) -> Array:
+        """(N,) standard deviation of the range at which each beam meets the line."""
         dot = np.minimum(self.incidence(u), -MIN_INCIDENCE)
-        slope = self.d[..., None] / dot**2 * (u @ self.direction[..., None])[..., 0]
-        result: Array = np.hypot(noise.range_m, noise.angle_rad * slope)
-        return result
+        return noise.on_plane(-self.d[..., None] / dot, dot)
 
-    def whitened(self, u: Array, r: Array, noise: Noise) -> Array:
+    def whitened(self, u: Array, r: Array, noise: RangeNoise) -> Array:
         """(N,) (measured - predicted range) / sigma; -inf where a beam never meets the line."""
         result: Array = (r - self.range_of(u)) / self.sigma(u, noise)
         return result
@@ -98,7 +84,7 @@ def _jacobian(line: Line, u: Array) -> tuple[Array, Array]:
     return -line.d / dot, np.column_stack([-line.d * (u @ line.direction) / dot**2, -1 / dot])
 
 
-def fit_line(u: Array, r: Array, noise: Noise, steps: int = 3) -> Line | None:
+def fit_line(u: Array, r: Array, noise: RangeNoise, steps: int = 3) -> Line | None:
     """The line that minimises the whitened range residuals of beams u (N, 2) with ranges r (N,).
 
     Gauss-Newton from the total-least-squares line. None if the beams graze it.
@@ -120,7 +106,7 @@ def fit_line(u: Array, r: Array, noise: Noise, steps: int = 3) -> Line | None:
     return line if float(line.incidence(u).max()) < -MIN_INCIDENCE else None
 
 
-def line_covariance(line: Line, u: Array, noise: Noise) -> Array:
+def line_covariance(line: Line, u: Array, noise: RangeNoise) -> Array:
     """(2, 2) covariance of a line fitted to beams u, over [angle of the normal (rad), d (m)]."""
     _, J = _jacobian(line, u)
     whitened = J / line.sigma(u, noise)[:, None]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.geometry.se3 import Array
-from rigcal_lrf2d.line import Noise, line_of_moments, moments
+from rigcal.ranging import RangeNoise
+from rigcal_lrf2d.line import line_of_moments, moments
 from rigcal_lrf2d.scan import Scan, directions
 
 Index = NDArray[np.intp]
@@ -48,7 +49,7 @@ def beams_of(scan: Scan) -> Beams:
     return Beams(angles, ranges, directions(angles)[:, :2], scan.step)
 
 
-def breakpoints(beams: Beams, noise: Noise) -> Mask:
+def breakpoints(beams: Beams, noise: RangeNoise) -> Mask:
     """(M,) which beams begin a new surface: the distance to the one before is too great.
 
     The adaptive threshold of Borges and Aldon, "Line extraction in 2D range images for mobile
@@ -56,13 +57,13 @@ def breakpoints(beams: Beams, noise: Noise) -> Mask:
     """
     turn = np.minimum(np.diff(beams.angles), _GRAZING / 2)
     nearer = np.minimum(beams.ranges[1:], beams.ranges[:-1])
-    allowed = nearer * np.sin(turn) / np.sin(_GRAZING - turn) + 3 * noise.range_m
+    allowed = nearer * np.sin(turn) / np.sin(_GRAZING - turn) + 3 * noise.of(nearer)
     jump = np.linalg.norm(np.diff(beams.points, axis=0), axis=1) > allowed
     gap = np.diff(beams.angles) > 8 * beams.step
     return np.concatenate([[True], jump | gap])
 
 
-def straight_pieces(beams: Beams, noise: Noise) -> tuple[Index, Index]:
+def straight_pieces(beams: Beams, noise: RangeNoise) -> tuple[Index, Index]:
     """First beams (K,) and ends (K,), exclusive, of stretches that are straight within the noise.
 
     Blocks of four beams between breakpoints are merged bottom-up (Keogh et al., "An online
@@ -78,9 +79,11 @@ def straight_pieces(beams: Beams, noise: Noise) -> tuple[Index, Index]:
     while True:
         bounds = np.append(starts, count)
         sums = total[bounds[1:]] - total[bounds[:-1]]
-        own, both = line_of_moments(sums)[1], line_of_moments(sums[:-1] + sums[1:])[1]
+        pairs = sums[:-1] + sums[1:]
+        own, both = line_of_moments(sums)[1], line_of_moments(pairs)[1]
         cost = both - own[:-1] - own[1:]
-        cost[is_break[starts[1:]] | (cost > _MERGE * noise.range_m**2)] = np.inf
+        sigma = noise.of(np.sqrt((pairs[:, 3] + pairs[:, 5]) / pairs[:, 0]))
+        cost[is_break[starts[1:]] | (cost > _MERGE * sigma**2)] = np.inf
         beside = np.concatenate([[np.inf], cost, [np.inf]])
         best = np.isfinite(cost) & (cost <= beside[:-2]) & (cost < beside[2:])
         if not best.any():

@@ -11,7 +11,6 @@ from rigcal.plugin.contract import Residual
 from rigcal.residual import beam_residual
 from rigcal.targets.target import Target
 from rigcal_lrf2d.config import Lrf2dConfig
-from rigcal_lrf2d.detector import noise_of
 from rigcal_lrf2d.line import total_least_squares
 from rigcal_lrf2d.scan import directions
 
@@ -26,7 +25,7 @@ def residual(candidate: Candidate, config: Lrf2dConfig, target: Target) -> Resid
     angles, ranges = _beams(candidate)
     d_s = directions(angles)
     line = total_least_squares(d_s[:, :2] * ranges[:, None])
-    sigma = line.sigma(d_s[:, :2], noise_of(config))
+    sigma = line.sigma(d_s[:, :2], config.noise)
     return beam_residual(
         d_s, ranges, sigma, np.append(line.normal, 0.0), float(line.d), planar=True
     )

@@ -61,8 +61,7 @@ def scan_from_polar(
     Ranges that are not finite, not positive or outside the limits (m, of the message and of the
     config) become inf: no return.
     """
-    low = max(limits[0], config.range_min_m or 0.0)
-    high = min(limits[1], config.range_max_m or np.inf)
+    low, high = max(limits[0], config.limits[0]), min(limits[1], config.limits[1])
     with np.errstate(invalid="ignore"):
         good = np.isfinite(ranges) & (ranges > 0) & (ranges >= low) & (ranges <= high)
     order = np.argsort(angles, kind="stable")

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigcal.geometry.se3 import Array
-from rigcal_lrf2d.line import Line, Noise, line_of_moments
+from rigcal.ranging import RangeNoise
+from rigcal_lrf2d.line import Line, line_of_moments
 from rigcal_lrf2d.pieces import Beams, Index, Mask, straight_pieces
 
 MIN_BEAMS = 5
@@ -41,21 +42,25 @@ class Segments:
         return Segments(line, self.members[which], first, last, length)
 
 
-def straight_segments(beams: Beams, noise: Noise, max_length: float, max_gap: float) -> Segments:
+def straight_segments(
+    beams: Beams, noise: RangeNoise, max_length: float, max_gap: float
+) -> Segments:
     """Segments of at most `max_length` (m) and at least `MIN_BEAMS` beams, in scan order.
 
-    What goes on straight for longer (a wall) is left out. A segment bridges places without
-    inliers up to `max_gap` (m). Segments may overlap where two lines explain the same beams.
+    Noise may lengthen them by three sigma. What goes on straight for longer (a wall) is left out.
+    A segment bridges places without inliers up to `max_gap` (m). Segments may overlap where two
+    lines explain the same beams.
     """
     starts, ends = straight_pieces(beams, noise)
     size = np.linalg.norm(beams.points[ends - 1] - beams.points[starts], axis=1)
-    seeds = (ends - starts >= MIN_BEAMS) & (size <= max_length)
+    longest = max_length + 3 * noise.of(beams.ranges)
+    seeds = (ends - starts >= MIN_BEAMS) & (size <= longest[starts])
     index = np.arange(len(beams.angles))
     members = (index >= starts[seeds, None]) & (index < ends[seeds, None])
     members = _grown(beams, members, noise, max_gap)
     members = _distinct(members[np.count_nonzero(members, axis=1) >= MIN_BEAMS])
     segments = _segments(beams, members)
-    return segments.select(segments.length <= max_length)
+    return segments.select(segments.length <= longest[segments.first])
 
 
 def _segments(beams: Beams, members: Mask) -> Segments:
@@ -76,7 +81,7 @@ def _distinct(members: Mask) -> Mask:
     return members[np.unique(ends, axis=0, return_index=True)[1]]
 
 
-def _grown(beams: Beams, members: Mask, noise: Noise, max_gap: float) -> Mask:
+def _grown(beams: Beams, members: Mask, noise: RangeNoise, max_gap: float) -> Mask:
     """Seeds (S, M) after growing; those that lose their beams have none."""
     members = members.copy()
     active = np.arange(len(members))
@@ -91,7 +96,7 @@ def _grown(beams: Beams, members: Mask, noise: Noise, max_gap: float) -> Mask:
     return members
 
 
-def _extended(beams: Beams, members: Mask, noise: Noise, max_gap: float) -> Mask:
+def _extended(beams: Beams, members: Mask, noise: RangeNoise, max_gap: float) -> Mask:
     """(S, M): the inliers in the most likely stretch of beams around the middle of each set.
 
     A beam on the line has a normal residual, any other a uniform one, so that its log likelihood

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from rigcal.errors import ConfigError, RecordingError
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate
-from rigcal.plugin import Effects
+from rigcal.ranging import RangeEffects, measure
 from rigcal.scene import Scene
 from rigcal.targets.target import Target
 from rigcal_lrf2d.config import Lrf2dConfig
 from rigcal_lrf2d.detector import detect
-from rigcal_lrf2d.scan import Scan, directions, scan_from_polar
+from rigcal_lrf2d.scan import Scan, directions
 
 MESSAGE_TYPE = "sensor_msgs/msg/LaserScan"
-NO_EFFECTS = Effects()
+NO_EFFECTS = RangeEffects()
 
 
 def beam_angles(config: Lrf2dConfig) -> Array:
@@ -48,19 +48,17 @@ def simulate(
     scene: Scene,
     config: Lrf2dConfig,
     rng: np.random.Generator,
-    effects: Effects = NO_EFFECTS,
+    effects: RangeEffects = NO_EFFECTS,
 ) -> Scan:
     """The scan of a sensor at `T_w_s` in `scene`.
 
-    Each beam leaves at its nominal angle plus noise, meets the nearest surface (eq. 4.10-4.12),
-    and reports the nominal angle and the range plus noise. Hits beyond the range limits are
-    beams without return. ConfigError if the config does not give the angles.
+    Each beam leaves at its nominal angle plus noise and reports the nominal angle and what
+    `rigcal.ranging.measure` says. ConfigError if the config does not give the angles.
     """
     angles = beam_angles(config)
-    turned = angles + rng.normal(0.0, np.radians(config.sigma_angle_deg), len(angles))
+    turned = angles + effects.noise * config.noise.angle_rad * rng.standard_normal(len(angles))
     d_w = directions(turned) @ T_w_s[:3, :3].T
-    ranges, _ = scene.cast(T_w_s[:3, 3], d_w)
-    return scan_from_polar(angles, ranges + rng.normal(0.0, config.sigma_m, len(angles)), config)
+    return Scan(angles, measure(scene, T_w_s[:3, 3], d_w, config, effects, rng))
 
 
 def sees(points: Array, config: Lrf2dConfig) -> NDArray[np.bool_]:
@@ -69,9 +67,8 @@ def sees(points: Array, config: Lrf2dConfig) -> NDArray[np.bool_]:
     The height above the scan plane does not matter; limits that the config leaves open are none.
     """
     ranges = np.linalg.norm(points, axis=1)
-    good: NDArray[np.bool_] = (ranges >= (config.range_min_m or 0.0)) & (
-        ranges <= (config.range_max_m or np.inf)
-    )
+    low, high = config.limits
+    good: NDArray[np.bool_] = (ranges >= low) & (ranges <= high)
     if config.angle_min_deg is None or config.angle_max_deg is None:
         return good
     first, last = np.radians([config.angle_min_deg, config.angle_max_deg])
@@ -113,7 +110,7 @@ def encode(scan: Scan, config: Lrf2dConfig, stamp_ns: int, frame_id: str) -> Any
         angle_min=scan.angles[0],
         angle_max=scan.angles[-1],
         angle_increment=step,
-        range_min=config.range_min_m or 0.0,
-        range_max=config.range_max_m or np.inf,
+        range_min=config.limits[0],
+        range_max=config.limits[1],
         ranges=scan.ranges,
     )

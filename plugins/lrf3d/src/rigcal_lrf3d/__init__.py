@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
+from rigcal.ranging import RangeEffects
 from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode, view
-from rigcal_lrf3d.config import Lrf3dConfig, MultibeamScan, SpinningScan
+from rigcal_lrf3d.config import Lrf3dConfig
 from rigcal_lrf3d.detector import detect
 from rigcal_lrf3d.feature import observe
 from rigcal_lrf3d.residual import errors, residual
+from rigcal_lrf3d.scans import DepthScan, MultibeamScan, RosetteScan, SpinningScan
 from rigcal_lrf3d.simulator import MESSAGE_TYPE, encode, sees, simulate
 
 __all__ = [
     "LRF3D",
     "Cloud",
+    "DepthScan",
     "Lrf3dConfig",
     "MultibeamScan",
+    "RosetteScan",
     "SpinningScan",
     "rigcal_sensor_types",
 ]
@@ -33,6 +37,7 @@ LRF3D = SensorType(
     simulate=simulate,
     encode=encode,
     message_type=MESSAGE_TYPE,
+    effects=RangeEffects,
     sees=sees,
     view=view,
 )

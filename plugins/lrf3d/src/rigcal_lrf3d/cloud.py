@@ -47,8 +47,8 @@ def decode(message: Message, config: Lrf3dConfig) -> Cloud:
     keep = _passes_filter(fields, message, config)
     with np.errstate(invalid="ignore", over="ignore"):
         ranges = np.linalg.norm(points, axis=1)
-    keep &= np.isfinite(ranges) & (ranges > max(config.range_min_m or 0.0, _ZERO_M))
-    keep &= ranges <= (config.range_max_m or np.inf)
+    low, high = config.limits
+    keep &= np.isfinite(ranges) & (ranges > _ZERO_M) & (ranges >= low) & (ranges <= high)
     return Cloud(points[keep])
 
 

@@ -30,7 +30,7 @@ def detect(cloud: Cloud, config: Lrf3dConfig, target: Target) -> Detection:
     plane is estimated from the ranges of the returns in the rectangle. The score is the share of
     the board that is seen times the share of the plane's points that the board explains.
     """
-    scales, size = Scales.of(target.size, config.sigma_m), target.size
+    scales, size = Scales.of(target.size, config.noise), target.size
     if len(cloud.points) < _MIN_POINTS:
         return Detection((), reason=f"the cloud has {len(cloud.points)} returns, too few")
     grid = segment.voxel_grid(cloud.points, scales.voxel)
@@ -56,11 +56,12 @@ def _candidate(
         return "too small"
     if extent[0] > 1.5 * np.linalg.norm(size):
         return "too large"
-    n, d = plane.coarse(grid[region], scales.thickness)
+    thickness = float(scales.thickness(np.linalg.norm(grid[region].mean(axis=0))))
+    n, d = plane.coarse(grid[region], thickness)
     if d < scales.reach:
         return "seen edge-on"
     near = np.flatnonzero(
-        (np.abs(grid @ n + d) < scales.thickness)
+        (np.abs(grid @ n + d) < thickness)
         & (np.linalg.norm(grid - grid[region].mean(axis=0), axis=1) < 2 * np.linalg.norm(size))
     )
     together = segment.connected(grid[near], np.isin(near, region), scales.reach)
@@ -87,20 +88,25 @@ def _refined(
     Returns near the rectangle's edges show the outline but not the plane: there are mixed pixels,
     and hands and arms that hold the board.
     """
-    near = points[np.abs(points @ n + d) < 2 * scales.thickness]
+    thickness = scales.thickness(np.linalg.norm(points, axis=1))
+    close = np.abs(points @ n + d) < 2 * thickness
+    near, thickness = points[close], thickness[close]
     foot = plane.beam_feet(near, n, d) @ basis
     interior = near[inside_convex(foot, placed.polygon, margin=-scales.edge)]
-    fitted = plane.fit(interior, n, d, config, scales.voxel)
+    fitted = plane.fit(interior, n, d, config.noise, scales.voxel)
     if fitted is None:
         return "too few returns"
     inliers = interior[fitted.inliers]
     final = tangent_basis(fitted.normal)
-    seen = near[inside_convex(foot, placed.polygon, margin=scales.voxel / 2)]
-    seen = seen[np.abs(seen @ fitted.normal + fitted.d) < scales.thickness]
+    on_board = inside_convex(foot, placed.polygon, margin=scales.voxel / 2)
+    on_board &= np.abs(near @ fitted.normal + fitted.d) < thickness
+    seen = near[on_board]
     feet = plane.beam_feet(seen, fitted.normal, fitted.d)
     boundary = hull(feet @ final) @ final.T - fitted.d * fitted.normal
     geometry = PlaneGeometry(fitted.normal, fitted.d, fitted.center, fitted.covariance, boundary)
-    flatness = min(1.0, scales.flat / max(fitted.rms * config.sigma_m, 1e-9))
+    middle = np.linalg.norm(fitted.center)
+    rms = max(fitted.rms * float(config.noise.of(middle)), 1e-9)
+    flatness = min(1.0, float(scales.flat(middle)) / rms)
     score = placed.coverage * placed.containment * flatness
     return Candidate(geometry, {"points": inliers.astype(np.float32)}, score)
 

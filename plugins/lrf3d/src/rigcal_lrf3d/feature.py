@@ -28,9 +28,9 @@ def observe(
     points = simulate(np.eye(4), Scene(target, T_s_t), config, rng).points
     if d <= 0 or len(points) < _MIN_POINTS:
         return None
-    cell = Scales.of(target.size, config.sigma_m).voxel
-    fitted = plane.fit(points, n, float(d), config, cell)
+    cell = Scales.of(target.size, config.noise).voxel
+    fitted = plane.fit(points, n, float(d), config.noise, cell)
     if fitted is None:
         return None
     geometry = PlaneGeometry(fitted.normal, fitted.d, fitted.center, fitted.covariance)
-    return Candidate(geometry, {"points": points[fitted.inliers].astype(np.float32)}, 1.0)
+    return Candidate(geometry, {"points": points[fitted.inliers]}, 1.0)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import fit_plane, tangent_basis
-from rigcal_lrf3d.config import Lrf3dConfig
+from rigcal.ranging import RangeNoise
 
 _TRIM = 3.5
 """Returns farther from the plane than this many sigmas are no part of the board."""
@@ -44,16 +44,6 @@ def beams(points: Array) -> tuple[Array, Array]:
     return ranges, points / ranges[:, None]
 
 
-def range_sigma(ranges: Array, cosine: Array, config: Lrf3dConfig) -> Array:
-    """(N,) noise of the ranges (m): their own, and what the beams' angle noise adds on a plane.
-
-    `cosine` (N,) is `n . rho`. A beam turned by e meets the plane `r tan(incidence) e` farther.
-    """
-    tangent = np.sqrt(np.maximum(1 - cosine**2, 0)) / np.abs(cosine)
-    result: Array = np.hypot(config.sigma_m, ranges * tangent * np.radians(config.sigma_angle_deg))
-    return result
-
-
 def range_errors(points: Array, n: Array, d: float) -> tuple[Array, Array]:
     """Measured minus expected range (N,) of beams from the origin, and `n . rho` (N,).
 
@@ -74,7 +64,7 @@ def beam_feet(points: Array, n: Array, d: float) -> Array:
     return points - error[:, None] * beams(points)[1]
 
 
-def fit(points: Array, n: Array, d: float, config: Lrf3dConfig, cell: float) -> Plane | None:
+def fit(points: Array, n: Array, d: float, noise: RangeNoise, cell: float) -> Plane | None:
     """The plane of points (N, 3) by maximum likelihood, starting from `n . p + d = 0`.
 
     Gauss-Newton on the range errors over [tilt about the two columns of `tangent_basis(n)`, offset
@@ -83,13 +73,14 @@ def fit(points: Array, n: Array, d: float, config: Lrf3dConfig, cell: float) -> 
     is off (a finger is too near for a single return to tell). None if too few returns remain.
     """
     steep = np.abs(range_errors(points, n, d)[1]) > _GRAZING
-    inliers = steep & (np.abs(points @ n + d) < 2 * _TRIM * config.sigma_m)
+    ranges = np.linalg.norm(points, axis=1)
+    inliers = steep & (np.abs(points @ n + d) < 2 * _TRIM * noise.of(ranges))
     for _ in range(8):
         if inliers.sum() < 6:
             return None
-        n, d, center, covariance, rms = _step(points[inliers], n, d, config)
+        n, d, center, covariance, rms = _step(points[inliers], n, d, noise)
         error, cosine = range_errors(points, n, d)
-        whitened = error / range_sigma(np.linalg.norm(points, axis=1), cosine, config)
+        whitened = error / noise.on_plane(ranges, cosine)
         scale = np.clip(1.4826 * np.median(np.abs(whitened[inliers])), 1.0, _MAX_SCALE)
         previous, near = inliers, (np.abs(whitened) < _TRIM * scale) & (np.abs(cosine) > _GRAZING)
         inliers = near.copy()
@@ -101,12 +92,12 @@ def fit(points: Array, n: Array, d: float, config: Lrf3dConfig, cell: float) -> 
     if inliers.sum() < 6:
         return None
     for _ in range(2):
-        n, d, center, covariance, rms = _step(points[inliers], n, d, config)
+        n, d, center, covariance, rms = _step(points[inliers], n, d, noise)
     return Plane(n, d, center, covariance, inliers, rms)
 
 
 def _step(
-    points: Array, n: Array, d: float, config: Lrf3dConfig
+    points: Array, n: Array, d: float, noise: RangeNoise
 ) -> tuple[Array, float, Array, Array, float]:
     """One Gauss-Newton step: n, d, center, covariance, rms of the whitened errors before it.
 
@@ -115,7 +106,7 @@ def _step(
     """
     error, cosine = range_errors(points, n, d)
     ranges, directions = beams(points)
-    sigma = range_sigma(ranges, cosine, config)
+    sigma = noise.on_plane(ranges, cosine)
     q = points - error[:, None] * directions
     center = points.mean(axis=0)
     center = center - (n @ center + d) * n

@@ -12,7 +12,7 @@ from rigcal.plugin.contract import Residual
 from rigcal.residual import beam_residual
 from rigcal.targets.target import Target
 from rigcal_lrf3d.config import Lrf3dConfig
-from rigcal_lrf3d.plane import beams, range_errors, range_sigma
+from rigcal_lrf3d.plane import beams, range_errors
 
 
 def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Residual:
@@ -30,7 +30,7 @@ def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Resid
     n, d = geometry.normal, geometry.d
     ranges, directions = beams(points)
     cosine = directions @ n
-    sigma = range_sigma(ranges, cosine, config)
+    sigma = config.noise.on_plane(ranges, cosine)
     if config.beams_start_at_sensor:
         return beam_residual(directions, ranges, sigma, n, d)
     # A beam of unit length that falls on the plane along its normal measures the distance.

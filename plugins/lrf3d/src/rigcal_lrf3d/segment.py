@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rigcal.geometry.se3 import Array
+from rigcal.ranging import RangeNoise
 from rigcal_lrf3d.open3d_import import open3d
 
 _ALIKE = float(np.cos(np.radians(20)))
@@ -20,34 +21,51 @@ _ALIKE = float(np.cos(np.radians(20)))
 
 @dataclass(frozen=True)
 class Scales:
-    """Lengths (m) of the segmentation, from the board's short side and the range noise.
+    """Lengths (m) of the segmentation, from the board's short side and the noise of ranges.
 
     `voxel` is the grid; `radius` the neighbourhood that gives a normal; `reach` the largest gap
-    between beams that is bridged (a board with four scan lines across is connected); `thickness`
-    how far a point of the board may lie from its plane; `flat` the largest rms of a flat
-    neighbourhood (both have floors: boards bend, and sigmas are guessed too small); `edge` how
+    between beams that is bridged (a board with four scan lines across is connected); `edge` how
     much of the outline's rim is not trusted to show the plane.
     """
 
-    voxel: float
-    radius: float
-    reach: float
-    thickness: float
-    flat: float
-    edge: float
+    short: float
+    noise: RangeNoise
 
     @staticmethod
-    def of(size: Array, sigma_m: float) -> Scales:
-        """The scales for a board of `size` (2,) metres and a range noise of `sigma_m`."""
-        short = float(np.min(size))
-        return Scales(
-            voxel=short / 10,
-            radius=0.35 * short,
-            reach=0.27 * short,
-            thickness=max(3.5 * sigma_m, 0.04 * short),
-            flat=max(2.0 * sigma_m, 0.03 * short),
-            edge=0.02 * short,
-        )
+    def of(size: Array, noise: RangeNoise) -> Scales:
+        """The scales for a board of `size` (2,) metres."""
+        return Scales(float(np.min(size)), noise)
+
+    @property
+    def voxel(self) -> float:
+        """See the class."""
+        return self.short / 10
+
+    @property
+    def radius(self) -> float:
+        """See the class."""
+        return 0.35 * self.short
+
+    @property
+    def reach(self) -> float:
+        """See the class."""
+        return 0.27 * self.short
+
+    @property
+    def edge(self) -> float:
+        """See the class."""
+        return 0.02 * self.short
+
+    def thickness(self, ranges: ArrayLike) -> Array:
+        """How far points of the board at these ranges may lie from its plane.
+
+        Boards bend, and sigmas are guessed too small: it has a floor, as `flat` has.
+        """
+        return np.maximum(3.5 * self.noise.of(ranges), 0.04 * self.short)
+
+    def flat(self, ranges: ArrayLike) -> Array:
+        """The largest rms of flat neighbourhoods at these ranges."""
+        return np.maximum(2.0 * self.noise.of(ranges), 0.03 * self.short)
 
 
 def voxel_grid(points: Array, voxel: float) -> Array:
@@ -73,8 +91,9 @@ def flat_regions(grid: Array, scales: Scales, minimum: int = 6) -> list[NDArray[
     alike = flat[i] & flat[j] & (np.einsum("ij,ij->i", delta, delta) < scales.reach**2)
     i, j, delta = i[alike], j[alike], delta[alike]
     alike = np.abs(np.einsum("ij,ij->i", n[i], n[j])) > _ALIKE
+    thickness = scales.thickness(np.linalg.norm(grid, axis=1))
     for k in (i, j):
-        alike &= np.abs(np.einsum("ij,ij->i", n[k], delta)) < scales.thickness
+        alike &= np.abs(np.einsum("ij,ij->i", n[k], delta)) < thickness[k]
     i, j = i[alike], j[alike]
     graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(len(grid), len(grid)))
     label = connected_components(graph, directed=False)[1]
@@ -117,5 +136,6 @@ def _normals(
     second = (sums[:, 4:] / sums[:, :1])[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
     values, vectors = np.linalg.eigh(second - mean[:, :, None] * mean[:, None, :])
     spread = np.sqrt(np.maximum(values, 0))
-    flat = (spread[:, 0] < scales.flat) & (spread[:, 1] > 0.2 * scales.radius)
+    allowed = scales.flat(np.linalg.norm(grid, axis=1))
+    flat = (spread[:, 0] < allowed) & (spread[:, 1] > 0.2 * scales.radius)
     return vectors[..., 0], flat

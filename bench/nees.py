@@ -22,8 +22,9 @@ from rigcal.geometry import se3
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
 from rigcal.rig import T_root_sensors, build_targets, load_rig
-from rigcal_sim.poses import sample_board_poses, sensor_poses
+from rigcal_sim.sampling import sample_board_poses
 from rigcal_sim.scenario_file import load_scenario
+from rigcal_sim.sight import sensor_poses
 
 DEMO = Path(rigcal_sim.__file__).parent / "demo"
 

@@ -16,7 +16,8 @@ from rigcal.cli import main
 from rigcal.recording import Source, open_recording
 from rigcal.rig import build_targets
 from rigcal_sim.dataset import simulate
-from rigcal_sim.poses import sample_board_poses
+from rigcal_sim.default import default_scenario
+from rigcal_sim.sampling import sample_board_poses
 from rigcal_sim.scenario import ScenarioConfig
 from rigcal_sim.scenario_file import load_scenario
 
@@ -100,6 +101,15 @@ def test_the_command_simulates_where_the_sensors_look(
     assert answer["exposures"] == 2
     assert Path(answer["truth"]).is_file()
     assert [Path(path).name for path in answer["recordings"]] == ["recording.mcap"]
+
+
+@pytest.mark.parametrize(("root", "rpy_deg"), [("front", (0, 0, 0)), ("cam", (-90, 0, -90))])
+def test_the_world_is_upright_whatever_the_axes_of_the_root(
+    root: str, rpy_deg: tuple[float, float, float], registry: Registry
+) -> None:
+    rig = parse_rig(SMALL | {"root": root}, registry)
+    target = build_targets(rig, registry)["board"]
+    assert default_scenario(rig, registry, target).root_pose.rpy_deg == rpy_deg
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,8 @@ class Calibration:
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, object] = field(default_factory=dict)
     """Versions, seed, input hashes, settings: plain strings and numbers."""
+    holds_ns: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    """From when to when the target stood at each of `target_poses`, true time; in truth files."""
 
     def T(self, a: str, b: str) -> Array:
         """`T_a_b` (4, 4) between any two sensors of the tree; ConfigError for an unknown name."""

@@ -80,6 +80,11 @@ class _Rejection(_Model):
     reason: str
 
 
+class _Hold(_Model):
+    start_ns: int
+    end_ns: int
+
+
 class _File(_Model):
     format: Literal["rigcal-calibration"]
     version: Literal[1]
@@ -90,6 +95,7 @@ class _File(_Model):
     warnings: tuple[str, ...] = ()
     provenance: dict[str, Any] = {}
     target_poses: dict[str, _Pose] = {}
+    holds: dict[str, _Hold] = {}
 
 
 def load_calibration(path: Path | str) -> Calibration:
@@ -110,6 +116,7 @@ def load_calibration(path: Path | str) -> Calibration:
         root=file.root,
         sensors=sensors,
         target_poses={name: pose.T for name, pose in file.target_poses.items()},
+        holds_ns={name: (hold.start_ns, hold.end_ns) for name, hold in file.holds.items()},
         rejected=tuple(Rejection(**dict(rejection)) for rejection in file.rejected),
         warnings=file.warnings,
         provenance=file.provenance,
@@ -133,6 +140,10 @@ def calibration_text(calibration: Calibration) -> str:
         "warnings": _Lines(calibration.warnings),
         "provenance": _plain(calibration.provenance),
         "target_poses": {name: _Line(_pose(T)) for name, T in calibration.target_poses.items()},
+        "holds": {
+            name: _Line(start_ns=start, end_ns=end)
+            for name, (start, end) in calibration.holds_ns.items()
+        },
     }
     kept = {key: value for key, value in content.items() if value or key == "sensors"}
     return yaml.dump(

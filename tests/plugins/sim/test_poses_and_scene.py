@@ -10,7 +10,8 @@ from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.plugin import Registry
 from rigcal.rig import Rig, build_targets
-from rigcal_sim.poses import board_pose, sample_board_poses
+from rigcal_sim.poses import board_pose
+from rigcal_sim.sampling import sample_board_poses
 from rigcal_sim.scenario import ScenarioConfig
 from rigcal_sim.scene import build_scene
 

@@ -199,6 +199,7 @@ class SensorType:
     extra_messages  (config, stamp_ns, frame_id) -> {topic suffix: (type, message)}: what goes
                     along with each frame (a camera's CameraInfo)
     sees            (points (N, 3) in the sensor's frame, config) -> (N,) which are in its view
+    flat            whether it looks along the plane z = 0 of its frame only, where `sees` holds
     view            (message, config) -> FrameView: the data as pictures and reports show them
     project         (points (N, 3) in the sensor's frame, config) -> pixels (N, 2) in the image of
                     its `view`, and which (N,) are in it; for sensors that make images
@@ -220,6 +221,7 @@ class SensorType:
     extra_messages: Callable[[Any, int, str], dict[str, tuple[str, Any]]] | None = None
     effects: type[Effects] = Effects
     sees: Callable[[Array, Any], NDArray[np.bool_]] | None = None
+    flat: bool = False
     view: View | None = None
     project: Project | None = None
     message_definitions: Definitions = field(default_factory=dict, hash=False)

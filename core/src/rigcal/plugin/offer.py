@@ -139,7 +139,7 @@ def _check_sensor(sensor: Any) -> None:
 
 
 _DATA_FIELDS = {"name", "config", "message_types", "unit", "message_type", "contract", "effects"}
-_DATA_FIELDS |= {"message_definitions"}
+_DATA_FIELDS |= {"message_definitions", "flat"}
 
 
 def _check_target(target: Any) -> None:

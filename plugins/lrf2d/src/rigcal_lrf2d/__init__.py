@@ -29,6 +29,7 @@ LRF2D = SensorType(
     message_type=MESSAGE_TYPE,
     effects=RangeEffects,
     sees=sees,
+    flat=True,
     view=view,
 )
 

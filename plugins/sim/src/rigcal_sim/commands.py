@@ -100,19 +100,38 @@ def _simulate(
 
 
 def _show(summary: Summary) -> None:
-    rows = [(name, str(count)) for name, count in summary.seen.items()]
-    again = f", {summary.redrawn} poses drawn again" if summary.redrawn else ""
-    title = f"Simulated {summary.exposures} exposures{again}"
-    print_table(title, ("<sensor", "board in view"), rows)
+    print_table(
+        _title(summary),
+        ("<sensor", "board in view"),
+        [(name, str(count)) for name, count in summary.seen.items()],
+    )
+    print_table(
+        "",
+        ("<topic", "messages"),
+        [(topic, str(count)) for topic, count in summary.messages.items()],
+    )
     for path in (*summary.recordings, summary.truth):
-        print_line(f"{path}")
+        print_line(f"{path}  {path.stat().st_size / 1e6:.1f} MB")
+
+
+def _title(summary: Summary) -> str:
+    title = f"Simulated {summary.exposures} exposures"
+    if summary.redrawn:
+        title += f"; {summary.redrawn} poses were drawn again"
+    if summary.unseen:
+        kept = "of them" if summary.redrawn else "poses"
+        title += f", {summary.unseen} {kept} because too few sensors saw the board"
+    return title
 
 
 def _as_mapping(summary: Summary) -> dict[str, object]:
     return {
         "recordings": [str(path) for path in summary.recordings],
+        "sizes_bytes": [path.stat().st_size for path in summary.recordings],
+        "messages": dict(summary.messages),
         "truth": str(summary.truth),
         "exposures": summary.exposures,
         "redrawn": summary.redrawn,
+        "unseen": summary.unseen,
         "seen": dict(summary.seen),
     }

@@ -9,19 +9,16 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal_sim.section import Interval, Section, Triple
 
-Triple = tuple[float, float, float]
-Interval = tuple[float, float]
 Length = Annotated[float, Field(gt=0)]
 
 
-class _Object(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
+class _Object(Section):
     grey: float = Field(default=0.5, ge=0, le=1, description="0 black, 1 white")
 
 

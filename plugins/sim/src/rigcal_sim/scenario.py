@@ -5,58 +5,17 @@ from __future__ import annotations
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal_sim.boards import Board, BoardConfig
 from rigcal_sim.objects import ObjectConfig
-
-Triple = tuple[float, float, float]
-Interval = tuple[float, float]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+from rigcal_sim.section import Section, Triple
+from rigcal_sim.timing import OneFrameConfig, Recording, StampsConfig
 
 
-class BoardConfig(_Section):
-    """Where and how the board is shown: `samples` random rotations at every (bearing, radius).
-
-    Unrotated, the board stands upright and faces the world's z axis. Its rotation is uniform in
-    +-max_roll_deg about its normal, +-max_pitch_deg about its horizontal axis (leaning), and
-    +-max_yaw_deg about its vertical axis (turning). Source: MSG-Cal, section 4.4.1.
-    """
-
-    bearings_deg: tuple[float, ...] = Field(min_length=1, description="about the world's z axis")
-    radii_m: tuple[float, ...] = Field(min_length=1, description="from the world's origin")
-    samples: int = Field(default=1, ge=1, description="rotations per bearing and radius")
-    max_roll_deg: float = Field(default=20.0, ge=0, le=180)
-    max_pitch_deg: float = Field(default=30.0, ge=0, le=80)
-    max_yaw_deg: float = Field(default=35.0, ge=0, le=80)
-    height_m: float | Interval = Field(
-        default=0.0, description="height of the board's centre, or [lowest, highest]"
-    )
-
-    @model_validator(mode="after")
-    def _can_be_sampled(self) -> BoardConfig:
-        if min(self.radii_m) <= 0:
-            raise ValueError(f"radii_m holds {min(self.radii_m):g}; all must be above 0")
-        low, high = self.heights_m
-        if low > high:
-            raise ValueError(
-                f"height_m goes from {low:g} to {high:g}; write the lower height first"
-            )
-        return self
-
-    @property
-    def heights_m(self) -> Interval:
-        """Lowest and highest height of the board's centre."""
-        if isinstance(self.height_m, tuple):
-            return self.height_m
-        return (self.height_m, self.height_m)
-
-
-class RootPoseConfig(_Section):
+class RootPoseConfig(Section):
     """The root sensor in the world, whose z axis points up."""
 
     translation_m: Triple = (0.0, 0.0, 0.0)
@@ -69,7 +28,7 @@ class RootPoseConfig(_Section):
         return se3.transform(R, np.array(self.translation_m))
 
 
-class RoomConfig(_Section):
+class RoomConfig(Section):
     """Four walls, a floor and a ceiling."""
 
     size_m: Triple = Field(description="length along x, along y, and height")
@@ -82,36 +41,23 @@ class RoomConfig(_Section):
         return self
 
 
-class StampsConfig(_Section):
-    """Header stamps: one exposure per period, each sensor off by up to `jitter_s`."""
-
-    start_s: float = Field(default=1_600_000_000.0, ge=0)
-    period_s: float = Field(default=1.0, gt=0)
-    jitter_s: float = Field(default=0.005, ge=0)
-
-    @model_validator(mode="after")
-    def _exposures_stay_apart(self) -> StampsConfig:
-        if 4 * self.jitter_s > self.period_s:
-            raise ValueError(
-                f"jitter_s {self.jitter_s:g} mixes exposures {self.period_s:g} s apart; "
-                f"keep it below a quarter of period_s"
-            )
-        return self
-
-
-class ScenarioConfig(_Section):
+class ScenarioConfig(Section):
     """What a scenario file holds. World: z up, origin where the board's bearings start."""
 
     version: Literal[1] = 1
     target: str | None = Field(default=None, description="the rig's target that is shown")
-    board: BoardConfig
+    board: Board = Field(description="how the poses of the board are sampled")
     root_pose: RootPoseConfig = RootPoseConfig()
     floor_m: float = Field(default=-1.0, description="height of the floor")
     room: RoomConfig | None = None
     person: bool = Field(default=False, description="somebody stands behind the board")
     objects: tuple[ObjectConfig, ...] = Field(default=(), description="what else stands around")
     min_sensors: int = Field(
-        default=2, ge=1, description="exposures that fewer sensors see are drawn again"
+        default=2, ge=1, description="poses that fewer sensors see are drawn again"
+    )
+    redraw: bool = Field(default=True, description="false: poses that too few see are kept")
+    recording: Recording = Field(
+        default=OneFrameConfig(mode="one_frame"), description="one frame per pose, or continuous"
     )
     stamps: StampsConfig = StampsConfig()
     defaults: dict[str, dict[str, Any]] = Field(
@@ -123,6 +69,8 @@ class ScenarioConfig(_Section):
 
     @model_validator(mode="after")
     def _fits_into_the_room(self) -> ScenarioConfig:
+        if not isinstance(self.board, BoardConfig):
+            return self
         low, high = self.board.heights_m
         if low <= self.floor_m:
             raise ValueError(

@@ -1,7 +1,71 @@
-"""Settings of all tests."""
+"""Settings of all tests, and what tests of different rooms measure in the same way."""
 
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
 from hypothesis import settings
 
 # A test asserts behaviour, not time; and the same code gets the same answer on every run.
 settings.register_profile("rigcal", deadline=None, derandomize=True)
 settings.load_profile("rigcal")
+
+
+class PrintedPage:
+    """A rendered target page as a user with a scanner would measure it: no layout is assumed.
+
+    `image` (H, W) is grey; the page's lower left corner is that of the image.
+    """
+
+    def __init__(self, image: Any, px_per_mm: float) -> None:
+        self.image = np.ascontiguousarray(image)
+        self.px_per_mm = px_per_mm
+
+    def mm(self, uv: Any) -> Any:
+        """Pixels (..., 2), (0, 0) the centre of the first, to mm from the lower left corner."""
+        return np.stack(
+            [uv[..., 0] + 0.5, self.image.shape[0] - 0.5 - uv[..., 1]], axis=-1
+        ) / self.px_per_mm  # fmt: skip
+
+    def tags_mm(self, family: str = "tag36h11") -> dict[int, Any]:
+        """(4, 2) corners in mm of every AprilTag, in the order of a target's `tag_corners`."""
+        import pyapriltags
+
+        found = pyapriltags.Detector(families=family, quad_decimate=1.0).detect(self.image)
+        return {tag.tag_id: self.mm(tag.corners - 0.5) for tag in found}
+
+    def ruler_mm(self) -> Any:
+        """Positions in mm of the ticks of the lowest long stroke, as centroids of their ink."""
+        import cv2
+
+        ink = 1 - self.image / 255.0
+        stroke = np.ones((1, round(95 * self.px_per_mm)), dtype=np.uint8)
+        long = cv2.erode((ink > 0.3).astype(np.uint8), stroke).any(axis=1)
+        row = np.flatnonzero(long).max() - round(1.0 * self.px_per_mm)
+        line = ink[row]
+        dark = np.flatnonzero(np.diff(np.concatenate([[0], line > 0.05, [0]])))
+        runs = [np.arange(a, b) for a, b in dark.reshape(-1, 2)]
+        return (np.array([np.average(run, weights=line[run]) for run in runs]) + 0.5) / (
+            self.px_per_mm
+        )
+
+
+@pytest.fixture(scope="session")
+def printed_page() -> Any:
+    return PrintedPage
+
+
+@pytest.fixture(scope="session")
+def definition_in() -> Any:
+    """The definition of a target within the text of a page, parsed."""
+    import yaml
+
+    def parse(text: str, name: str) -> Any:
+        match = re.search(rf"^\s*{name}: \{{.*\}}", text, flags=re.MULTILINE | re.DOTALL)
+        assert match, text
+        return yaml.safe_load(match[0])[name]
+
+    return parse

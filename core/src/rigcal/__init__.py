@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from rigcal.observation import Observation
     from rigcal.observation_file import load_observations, save_observations
     from rigcal.plugin.registry import Registry
+    from rigcal.printing import write_target_page
     from rigcal.report import write_report
-    from rigcal.rig import Rig, load_rig, parse_rig
+    from rigcal.rig import Rig, build_targets, load_rig, parse_rig
 
 _HOME = {
     "Calibration": "calibration",
@@ -38,6 +39,7 @@ _HOME = {
     "Rig": "rig",
     "RigcalError": "errors",
     "SensorResult": "calibration",
+    "build_targets": "rig",
     "calibrate": "estimation",
     "detect": "detection",
     "evaluate": "evaluation",
@@ -48,6 +50,7 @@ _HOME = {
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
     "write_report": "report",
+    "write_target_page": "printing",
 }
 
 __all__ = [
@@ -58,6 +61,7 @@ __all__ = [
     "Rig",
     "RigcalError",
     "SensorResult",
+    "build_targets",
     "calibrate",
     "detect",
     "evaluate",
@@ -68,6 +72,7 @@ __all__ = [
     "save_calibration",
     "save_observations",
     "write_report",
+    "write_target_page",
 ]
 __version__ = "0.1.0"
 

@@ -250,3 +250,41 @@ def test_unexpected_error_is_one_message_and_a_traceback_with_v(
 @pytest.mark.parametrize("arguments", [["sonnar"], ["detect"], ["detect", "--jobs", "0"]])
 def test_wrong_usage_exits_2(place: Path, arguments: list[str]) -> None:
     assert _run(*arguments) == 2
+
+
+TWO_TARGETS = RIG.replace(
+    "sensors:", "  cover: {type: checkerboard, columns: 3, rows: 2, square_size_m: 0.1}\nsensors:"
+).replace("files:", "target: board, files:")
+
+
+def test_target_writes_the_page_and_says_how_large_it_is(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run("target", "rig.yaml", "--out", "new/board.pdf") == 0
+    assert Path("new/board.pdf").read_bytes().startswith(b"%PDF")
+    assert "'board' of 800 x 600 mm on a page of 830 x" in capsys.readouterr().out
+    Path("two.yaml").write_text(TWO_TARGETS)
+    assert _run("target", "two.yaml", "--target", "cover", "-o", "cover.svg", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["target"] == "cover"
+    assert answer["board_mm"] == [400, 300]
+    assert answer["page_mm"][0] == 430
+    assert Path(answer["page"]).read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["two.yaml", "-o", "b.pdf"], "several targets; add `--target NAME`, one of board, cover"),
+        (["two.yaml", "-o", "b.pdf", "--target", "bord"], "target 'bord', did you mean 'board'?"),
+        (["rig.yaml", "-o", "b.doc"], "found suffix '.doc', expected one of .pdf, .ps, .svg, .png"),
+        (["rig.yaml", "-o", "rig.yaml/b.pdf"], "rig.yaml/b.pdf: cannot be written"),
+        (["rig.yaml", "-o", "b.png", "--px-per-mm", "100"], "too many pixels at 100 px/mm; use 23"),
+    ],
+)  # fmt: skip
+def test_target_that_cannot_be_written_says_why(
+    arguments: list[str], message: str, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("two.yaml").write_text(TWO_TARGETS)
+    assert _run("target", *arguments) == 2
+    assert message in capsys.readouterr().err

@@ -208,7 +208,7 @@ CHARUCO: dict[str, Any] = {"columns": 5, "rows": 4, "square_size_m": 0.05, "mark
          "tag 7 at (0.2, 0.1) m and tag 8 at (0.1, 0.1) m overlap or touch; leave white"),
         ("apriltag_poster", POSTER | {"tags": [*TAGS, TOUCHING]},
          "overlap or touch"),
-        ("apriltag_poster", POSTER | {"tags": TAGS[:1]}, "at least 2 items"),
+        ("apriltag_poster", POSTER | {"tags": TAGS[:1]}, "found 1, expected two or more tags"),
         ("checkerboard", {"columns": 7, "rows": 5, "square_size_m": 0.1, "height_m": 0.5},
          "it is 0.6 m and height_m is 0.5 m"),
         ("charuco", CHARUCO | {"marker_size_m": 0.06}, "markers must be smaller than squares"),

@@ -16,6 +16,7 @@ from rigcal.cli.detect import detect
 from rigcal.cli.evaluate import evaluate
 from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
+from rigcal.cli.target import target
 from rigcal.errors import RigcalError
 from rigcal.plugin.registry import Registry
 
@@ -23,6 +24,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "detect": detect,
     "calibrate": calibrate,
     "evaluate": evaluate,
+    "target": target,
     "plugins": plugins,
     "schema": schema,
 }

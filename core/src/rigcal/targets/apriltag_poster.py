@@ -40,11 +40,17 @@ class AprilTagPosterConfig(TargetConfig, frozen=True):
     width_m: float = Field(gt=0, description="width of the sheet")
     height_m: float = Field(gt=0, description="height of the sheet")
     tags: tuple[PosterTag, ...] = Field(
-        min_length=2, description="two or more, as one alone does not show how it is turned"
+        description="two or more, as one alone does not show how it is turned",
+        json_schema_extra={"minItems": 2},
     )
 
     @model_validator(mode="after")
     def _is_printable(self) -> AprilTagPosterConfig:
+        if len(self.tags) < 2:
+            raise ValueError(
+                f"found {len(self.tags)}, expected two or more tags: one alone does not show a "
+                "camera how it is turned"
+            )
         _check_ids([tag.id for tag in self.tags], self.family)
         corners = tag_corners(self)
         _check_sheet_holds(self, corners)

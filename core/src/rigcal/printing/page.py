@@ -95,13 +95,12 @@ def _words(target: Target, columns: int) -> list[str]:
         "In rig.yaml, below targets:",
     )
     lines = [line for note in notes for line in textwrap.wrap(note, columns)]
-    return lines + textwrap.wrap(
-        definition(target),
-        columns,
-        subsequent_indent="  ",
-        break_long_words=False,
-        break_on_hyphens=False,
+    # A key and its value stay in one line.
+    tied = definition(target).replace(": ", ":\u00a0")
+    wrapped = textwrap.wrap(
+        tied, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
     )
+    return lines + [line.replace("\u00a0", " ") for line in wrapped]
 
 
 def _cut_marks(outline: Array) -> Array:

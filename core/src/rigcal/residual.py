@@ -1,11 +1,14 @@
 """Default residuals by geometry, and the constant-cost residual of laser beams.
 
-Each implements `rigcal.plugin.Residual`: whitened error and Jacobian as a function of `T_s_t`.
+Each implements `rigcal.plugin.StackableResidual`: whitened error and Jacobian as a function of
+`T_s_t`, for many observations at once.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -14,7 +17,7 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import plane_of_target, tangent_basis
 from rigcal.observation import Candidate, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
-from rigcal.plugin.contract import Residual, SensorConfig, SensorType
+from rigcal.plugin.contract import Residual, SensorConfig, SensorType, Stacked
 from rigcal.targets.target import Target
 
 _E_Z = np.array([0.0, 0.0, 1.0])
@@ -55,18 +58,32 @@ class PlaneResidual:
         return len(self.A)
 
     def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
-        """r (m,) and J (m, 6) by a right perturbation: dn = -R [e_z]_x w, dd = -dn . t - v_z."""
-        n, d = plane_of_target(T_s_t)
-        dpi = np.zeros((4, 6))
-        dpi[:3, :3] = -T_s_t[:3, :3] @ se3.skew(_E_Z)
-        dpi[3, :3] = -T_s_t[:3, 3] @ dpi[:3, :3]
-        dpi[3, 5] = -1.0
-        r, J = self.A @ np.append(n, d), self.A @ dpi
-        if not self.planar:
-            return r, J
-        s = max(float(np.hypot(n[0], n[1])), 1e-9)
-        ds = n[:2] @ dpi[:2] / s
-        return r / s, (J - np.outer(r / s, ds)) / s
+        """r (m,) and J (m, 6) by a right perturbation of `T_s_t`."""
+        return self.stack([self])(T_s_t[None])
+
+    @classmethod
+    def stack(cls, residuals: Sequence[Self]) -> Stacked:
+        """All at once: dn = -R [e_z]_x w, dd = -dn . t - v_z."""
+        A = np.stack([r.A for r in residuals])
+        planar = np.array([r.planar for r in residuals])[:, None]
+
+        def evaluate(T_s_t: Array) -> tuple[Array, Array]:
+            n, d = plane_of_target(T_s_t)
+            dpi = np.zeros((len(A), 4, 6))
+            dpi[:, :3, :3] = -T_s_t[:, :3, :3] @ se3.skew(_E_Z)
+            dpi[:, 3] = -np.einsum("ki,kij->kj", T_s_t[:, :3, 3], dpi[:, :3])
+            dpi[:, 3, 5] = -1.0
+            r = np.einsum("kmi,ki->km", A, np.column_stack([n, d]))
+            J = A @ dpi
+            s = np.maximum(np.hypot(n[:, 0], n[:, 1]), 1e-9)[:, None]
+            ds = np.einsum("ki,kij->kj", n[:, :2], dpi[:, :2]) / s
+            r_planar = r / s
+            J_planar = (J - r_planar[:, :, None] * ds[:, None, :]) / s[:, :, None]
+            r = np.where(planar, r_planar, r)
+            J = np.where(planar[:, :, None], J_planar, J)
+            return r.reshape(-1), J.reshape(-1, 6)
+
+        return evaluate
 
 
 def beam_residual(
@@ -135,19 +152,32 @@ class PoseResidual:
 
     def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
         """r (6,) and J (6, 6); the rotation's part is the inverse right Jacobian of SO(3)."""
-        D = se3.inverse(self.T_s_t) @ T_s_t
-        w = se3.log_so3(D[:3, :3])
-        J = np.zeros((6, 6))
-        J[:3, :3], J[3:, 3:] = _inverse_right_jacobian(w), D[:3, :3]
-        return self.W @ np.concatenate([w, D[:3, 3]]), self.W @ J
+        return self.stack([self])(T_s_t[None])
+
+    @classmethod
+    def stack(cls, residuals: Sequence[Self]) -> Stacked:
+        """All at once."""
+        T_t_s_measured = se3.inverse(np.stack([r.T_s_t for r in residuals]))
+        W = np.stack([r.W for r in residuals])
+
+        def evaluate(T_s_t: Array) -> tuple[Array, Array]:
+            D = T_t_s_measured @ T_s_t
+            w = se3.log_so3(D[:, :3, :3])
+            J = np.zeros((len(D), 6, 6))
+            J[:, :3, :3], J[:, 3:, 3:] = _inverse_right_jacobian(w), D[:, :3, :3]
+            r = np.einsum("kij,kj->ki", W, np.concatenate([w, D[:, :3, 3]], axis=1))
+            return r.reshape(-1), (W @ J).reshape(-1, 6)
+
+        return evaluate
 
 
 def _inverse_right_jacobian(w: Array) -> Array:
-    """(3, 3) `Jr^-1(w)` (Sola et al. 2018, eq. 144)."""
-    angle, K = float(np.linalg.norm(w)), se3.skew(w)
+    """(..., 3, 3) `Jr^-1(w)` (Sola et al. 2018, eq. 144)."""
+    angle, K = np.linalg.norm(w, axis=-1), se3.skew(w)
     near_zero = angle < 1e-4
-    c = 1 / 12 if near_zero else 1 / angle**2 - 1 / (2 * angle * np.tan(angle / 2))
-    result: Array = np.eye(3) + K / 2 + c * (K @ K)
+    a = np.where(near_zero, 1.0, angle)
+    c = np.where(near_zero, 1 / 12, 1 / a**2 - 1 / (2 * a * np.tan(a / 2)))
+    result: Array = np.eye(3) + K / 2 + c[..., None, None] * (K @ K)
     return result
 
 
@@ -163,9 +193,20 @@ class PointResidual:
 
     def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
         """r (3,) and J (3, 6) = W R [-[p_t]_x, I]."""
-        R = T_s_t[:3, :3]
-        J = np.hstack([-R @ se3.skew(self.p_t), R])
-        return self.W @ (se3.apply(T_s_t, self.p_t) - self.p_s), self.W @ J
+        return self.stack([self])(T_s_t[None])
+
+    @classmethod
+    def stack(cls, residuals: Sequence[Self]) -> Stacked:
+        """All at once."""
+        p_t, p_s, W = (np.stack([getattr(r, f) for r in residuals]) for f in ("p_t", "p_s", "W"))
+
+        def evaluate(T_s_t: Array) -> tuple[Array, Array]:
+            R = T_s_t[:, :3, :3]
+            J = np.concatenate([-R @ se3.skew(p_t), R], axis=2)
+            e = np.einsum("kij,kj->ki", R, p_t) + T_s_t[:, :3, 3] - p_s
+            return np.einsum("kij,kj->ki", W, e).reshape(-1), (W @ J).reshape(-1, 6)
+
+        return evaluate
 
 
 def residual_of(

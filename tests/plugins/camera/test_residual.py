@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from rigcal.geometry import se3
@@ -52,3 +54,14 @@ def test_errors_are_in_pixels(board, camera, pose):
     error = CAMERA.errors(candidate, config, target, T_s_t)
     assert CAMERA.unit == "px"
     np.testing.assert_allclose(error.ravel(), 0.4 * residual(T_s_t)[0])
+
+
+def test_all_views_at_once_are_the_views_one_by_one(board, camera, pose):
+    view, *_, T_s_t = observed(board, camera, pose)
+    views = [replace(view, p_t=view.p_t[:n], uv=view.uv[:n]) for n in (12, 40, 25)]
+    T = T_s_t @ se3.exp(np.random.default_rng(2).normal(0, 0.05, (3, 6)))
+    T[2, 2, 3] = -1.0
+    r, J = type(views[0]).stack(views)(T)
+    one_by_one = [view(pose) for view, pose in zip(views, T, strict=True)]
+    np.testing.assert_allclose(r, np.concatenate([r for r, _ in one_by_one]), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(J, np.concatenate([J for _, J in one_by_one]), rtol=1e-12, atol=1e-9)

@@ -7,8 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.stack import Blocks, EdgeStack, Index, poses_of
+
+# Smaller eigenvalues of an edge's information, by the largest, are rounding.
+_RANK = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +27,6 @@ class EdgeFit:
     """
 
     edge: SensorTargetEdge
-    r: Array
     chi2: float
     leverage: float
     misfit: float
@@ -61,56 +65,98 @@ def information(
     A direction without information gets none: its covariance is infinite in effect (1e12), never
     small. The root and other `fixed` sensors have no block.
     """
+    every = (*edges, *judged)
+    stack = EdgeStack(every, list(sensors), list(targets))
+    T_s_t = stack.relative(poses_of(sensors), poses_of(targets))
+    stack.check(T_s_t)
+    blocks = stack.blocks(T_s_t)
     free = tuple(s for s in sensors if s not in fixed)
-    at = {s: slice(6 * i, 6 * i + 6) for i, s in enumerate(free)}
-    size = 6 * len(free)
-    H_ss = np.zeros((size, size))
-    H_tt = {k: np.eye(6) * 1e-6 for k in targets}
-    H_ts = {k: np.zeros((6, size)) for k in targets}
-    parts = [
-        (edge, *edge.evaluate(sensors[edge.sensor], targets[edge.exposure]))
-        for edge in (*edges, *judged)
-    ]
-    for edge, _, J_s, J_t in parts[: len(edges)]:
-        H_tt[edge.exposure] += J_t.T @ J_t
-        if edge.sensor in at:
-            i = at[edge.sensor]
-            H_ss[i, i] += J_s.T @ J_s
-            H_ts[edge.exposure][:, i] += J_t.T @ J_s
-    gain = {k: np.linalg.solve(H_tt[k], H_ts[k]) for k in targets}
-    matrix = H_ss - sum((H_ts[k].T @ gain[k] for k in targets), np.zeros_like(H_ss))
-    covariance = _inverse(matrix)
-    inverse_tt = {k: np.linalg.inv(H) for k, H in H_tt.items()}
-    fits = []
-    for number, (edge, r, J_s, J_t) in enumerate(parts):
-        # The edge's rows by the sensors directly, and through the target's dependence on them.
-        J = -J_t @ gain[edge.exposure]
-        if edge.sensor in at:
-            J[:, at[edge.sensor]] += J_s
-        U = _column_space(J_t)
-        J, J_t = U.T @ J, U.T @ J_t
-        predicted = J @ covariance @ J.T + J_t @ inverse_tt[edge.exposure] @ J_t.T
-        u = U.T @ r
-        if number < len(edges):
-            leverage, misfit = float(np.trace(predicted)), float(u @ u)
-        else:
-            leverage, misfit = 0.0, float(u @ np.linalg.solve(np.eye(len(u)) + predicted, u))
-        fits.append(EdgeFit(edge, r, float(r @ r), leverage, misfit, len(u)))
-    return Information(free, matrix, covariance, tuple(fits))
+    number = {s: i for i, s in enumerate(free)}
+    column = np.array([number.get(e.sensor, -1) for e in every], dtype=np.int64)
+    ends = _Ends(column, stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
+    rests = np.arange(len(every)) < len(edges)
+    matrix, gain, inverse_tt = _eliminate(
+        blocks.H * rests[:, None, None], ends, len(free), len(targets)
+    )
+    covariance, root = _inverse(matrix)
+    predicted = _predicted(ends, gain, inverse_tt, root)
+    leverage = np.where(rests, np.einsum("eij,eji->e", predicted, blocks.H), 0.0)
+    misfit, dof = _misfit(blocks, np.where(rests[:, None, None], 0.0, predicted))
+    columns = blocks.chi2, leverage, misfit, dof
+    fits = tuple(map(EdgeFit, every, *(c.tolist() for c in columns)))
+    return Information(free, matrix, covariance, fits)
 
 
-def _column_space(J_t: Array) -> Array:
-    """(m, k) orthonormal basis of what the edge's rows can say of the target's pose."""
-    U, s, _ = np.linalg.svd(J_t, full_matrices=False)
-    rank = int(np.count_nonzero(s > 1e-9 * s[0])) if len(s) and s[0] > 0 else 0
-    result: Array = U[:, :rank]
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """How `T_s_t` of E edges moves: by the target's perturbation as it is, by the sensor's by -A.
+
+    column (E,) numbers the free sensors, -1 for a fixed one; A (E, 6, 6) is the adjoint of T_t_s.
+    """
+
+    column: Index
+    exposure: Index
+    A: Array
+
+
+def _eliminate(H: Array, ends: _Ends, sensors: int, targets: int) -> tuple[Array, Array, Array]:
+    """Information of the sensors (6 S, 6 S) without the targets.
+
+    With it the targets' dependence on the sensors, gain (K, 6, 6 S), and the inverse of their own
+    information (K, 6, 6).
+    """
+    H_tt = np.tile(np.eye(6) * 1e-6, (targets, 1, 1))
+    np.add.at(H_tt, ends.exposure, H)
+    own = ends.column >= 0
+    s, k, A = ends.column[own], ends.exposure[own], ends.A[own]
+    H_ts = np.zeros((targets, sensors, 6, 6))
+    J = -H[own] @ A
+    np.add.at(H_ts, (k, s), J)
+    H_ss = np.zeros((sensors, sensors, 6, 6))
+    np.add.at(H_ss, (s, s), -np.swapaxes(A, 1, 2) @ J)
+    rows = np.swapaxes(H_ts, 1, 2).reshape(targets, 6, 6 * sensors)
+    gain = np.asarray(np.linalg.solve(H_tt, rows), dtype=np.float64)
+    dense = np.swapaxes(H_ss, 1, 2).reshape(6 * sensors, 6 * sensors)
+    matrix: Array = dense - np.tensordot(rows, gain, ((0, 1), (0, 1)))
+    return matrix, gain, np.asarray(np.linalg.inv(H_tt), dtype=np.float64)
+
+
+def _predicted(ends: _Ends, gain: Array, inverse_tt: Array, root: Array) -> Array:
+    """(E, 6, 6) covariances of `T_s_t`, by the covariance `root root^T` of the sensors.
+
+    The dependence through the target and the direct one are added before they are squared: in a
+    direction that the data leave open both are huge and cancel.
+    """
+    through = gain @ root
+    result = inverse_tt[ends.exposure]
+    for column in np.unique(ends.column):
+        own = ends.column == column
+        rows = through[ends.exposure[own]]
+        if column >= 0:
+            rows = rows + ends.A[own] @ root[6 * column : 6 * column + 6]
+        result[own] += rows @ np.swapaxes(rows, 1, 2)
     return result
 
 
-def _inverse(matrix: Array) -> Array:
-    """Inverse of a symmetric matrix; directions without information get a variance of 1e12."""
+def _misfit(blocks: Blocks, predicted: Array) -> tuple[Array, Index]:
+    """Misfit (E,) and its degrees of freedom, in the span of what an edge can say of `T_s_t`."""
+    values, vectors = np.linalg.eigh(blocks.H)
+    known = values > _RANK * np.maximum(values[:, -1:], 1e-300)
+    scale = np.sqrt(np.where(known, values, 0.0))
+    u = np.einsum("eji,ej->ei", vectors, blocks.g) * known / np.where(known, scale, 1.0)
+    basis = vectors * scale[:, None, :]
+    spread = np.eye(6) + np.swapaxes(basis, 1, 2) @ predicted @ basis
+    misfit = np.sum(u * np.linalg.solve(spread, u[..., None])[..., 0], axis=1)
+    return misfit, known.sum(axis=1)
+
+
+def _inverse(matrix: Array) -> tuple[Array, Array]:
+    """Inverse of a symmetric matrix and a root of it, `root root^T`.
+
+    Directions without information get a variance of 1e12.
+    """
     if not len(matrix):
-        return matrix
+        return matrix, matrix
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    result: Array = (vectors / np.maximum(values, 1e-12)) @ vectors.T
-    return result
+    root = vectors / np.sqrt(np.maximum(values, 1e-12))
+    return root @ root.T, root

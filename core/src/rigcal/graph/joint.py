@@ -1,22 +1,33 @@
-"""The joint formulation: maximum likelihood over sensors and target poses, solved by GTSAM."""
+"""The joint formulation: maximum likelihood over sensors and target poses, solved by GTSAM.
+
+Levenberg-Marquardt (K. Madsen, H. B. Nielsen, O. Tingleff, Methods for Non-Linear Least Squares
+Problems, 2004, ch. 3). All edges are evaluated in a few calls of numpy; GTSAM gets one factor per
+edge, already linear, and eliminates the targets before the sensors.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigcal.errors import NotConvergedError
+from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.graph.edge import SensorTargetEdge, huber_weights
+from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.linear import LinearSystem
+from rigcal.graph.stack import Blocks, EdgeStack, poses_of
 
 HUBER_K = 1.5
-# Wide enough to leave what the data know alone, and to close what they leave open in an exposure
-# that shows only planes: the target's place and turn in its own plane.
-_OPEN_TARGET_SIGMAS = np.array([3.0, 3.0, 3.0, 10.0, 10.0, 10.0])
 _MOST_ITERATIONS = 100
-_ROUNDS, _ITERATIONS_PER_ROUND = 15, 4
+# Damping in shares of the information's diagonal. Only a step that it hardly shortens tells
+# whether the minimum is reached.
+_LEAST_DAMPING, _FREE_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
+# A step that promises less than this share of the cost is the last. The robust stage is a start
+# only. A step that promises little and does not keep it is rounding, or a Jacobian that is.
+_TOLERANCE, _ROBUST_TOLERANCE, _ROUNDING = 1e-11, 1e-4, 1e-8
 _FAR_M = 1e4
 
 Poses = tuple[dict[str, Array], dict[str, Array]]
@@ -32,10 +43,16 @@ def solve(
     """Sensor poses `T_root_s` and target poses `T_root_t` that minimise the sum of squares.
 
     `sensors` and `targets` hold first poses (4, 4); those named in `fixed` (the root among them)
-    stay as they are. One factor per edge, evaluated as one numpy call. NotConvergedError if the
-    minimum was not reached.
+    stay as they are. NotConvergedError if the minimum was not reached; PluginError if a residual
+    breaks its contract.
     """
-    return _minimise(edges, (dict(sensors), dict(targets)), fixed, {}, _MOST_ITERATIONS)
+    poses, problem = _minimise(edges, sensors, targets, fixed, np.inf, _TOLERANCE)
+    if problem:
+        raise NotConvergedError(
+            f"the global estimate did not converge: {problem}. Check the sensors' intrinsics and "
+            "the target's size in the rig file"
+        )
+    return poses
 
 
 def solve_robust(
@@ -47,95 +64,81 @@ def solve_robust(
     """The same with Huber's loss on each block, by iteratively reweighted least squares.
 
     (P. J. Huber, Robust Statistics, 1981, ch. 7.) It serves as a start that outliers have not
-    dragged away, so it stops when the weights hardly change.
+    dragged away, so it stops early.
     """
-    poses: Poses = dict(sensors), dict(targets)
-    weights: dict[int, Array] = {}
-    for _ in range(_ROUNDS):
-        before = weights
-        weights = {}
-        for i, edge in enumerate(edges):
-            r, _, _ = edge.evaluate(poses[0][edge.sensor], poses[1][edge.exposure])
-            weights[i] = huber_weights(r, edge.residual.block, HUBER_K)
-        if before and max(float(np.abs(weights[i] - before[i]).max()) for i in weights) < 0.05:
-            break
-        poses = _minimise(edges, poses, fixed, weights, _ITERATIONS_PER_ROUND)
-    return poses
+    return _minimise(edges, sensors, targets, fixed, HUBER_K, _ROBUST_TOLERANCE)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Poses (S, 4, 4), (K, 4, 4), and the edges' normal equations there."""
+
+    T_root_s: Array
+    T_root_t: Array
+    T_s_t: Array
+    blocks: Blocks
+    chi2: float
 
 
 def _minimise(
     edges: Sequence[SensorTargetEdge],
-    poses: Poses,
+    sensors: Mapping[str, Array],
+    targets: Mapping[str, Array],
     fixed: frozenset[str],
-    weights: Mapping[int, Array],
-    iterations: int,
-) -> Poses:
-    """Weighted least squares; `weights` (m,) multiply the rows of an edge, by its number."""
-    import gtsam
-
-    sensors, targets = poses
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    sensor_keys = {s: gtsam.symbol("s", i) for i, s in enumerate(sensors) if s not in fixed}
-    target_keys = {k: gtsam.symbol("t", i) for i, k in enumerate(targets)}
-    for name, key in sensor_keys.items():
-        values.insert(key, gtsam.Pose3(sensors[name]))
-    weak = gtsam.noiseModel.Diagonal.Sigmas(_OPEN_TARGET_SIGMAS)
-    for exposure, key in target_keys.items():
-        values.insert(key, gtsam.Pose3(targets[exposure]))
-        graph.add(gtsam.PriorFactorPose3(key, gtsam.Pose3(targets[exposure]), weak))
-    for i, edge in enumerate(edges):
-        keys = [target_keys[edge.exposure]]
-        if edge.sensor in sensor_keys:
-            keys.insert(0, sensor_keys[edge.sensor])
-        noise = gtsam.noiseModel.Unit.Create(edge.rows)
-        error = _error_function(edge, sensors[edge.sensor], weights.get(i))
-        graph.add(gtsam.CustomFactor(noise, keys, error))
-    values = _optimise(gtsam, graph, values, iterations)
-    return (
-        {
-            s: values.atPose3(sensor_keys[s]).matrix() if s in sensor_keys else T
-            for s, T in sensors.items()
-        },
-        {k: values.atPose3(key).matrix() for k, key in target_keys.items()},
-    )
-
-
-def _error_function(
-    edge: SensorTargetEdge, T_root_s_fixed: Array, weights: Array | None
-) -> Callable[[Any, Any, Any], Array]:
-    def error(factor: Any, values: Any, jacobians: Any) -> Array:
-        keys = factor.keys()
-        free = len(keys) == 2
-        T_root_s = values.atPose3(keys[0]).matrix() if free else T_root_s_fixed
-        r, J_s, J_t = edge.evaluate(T_root_s, values.atPose3(keys[-1]).matrix())
-        if weights is not None:
-            r, J_s, J_t = weights * r, weights[:, None] * J_s, weights[:, None] * J_t
-        if jacobians is not None:
-            if free:
-                jacobians[0] = np.asfortranarray(J_s)
-            jacobians[-1] = np.asfortranarray(J_t)
-        return r
-
-    return error
-
-
-def _optimise(gtsam: Any, graph: Any, values: Any, iterations: int) -> Any:
-    parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setMaxIterations(iterations)
-    parameters.setRelativeErrorTol(1e-9)
-    parameters.setAbsoluteErrorTol(1e-9)
-    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
-    result = optimizer.optimize()
-    unfinished = optimizer.iterations() >= _MOST_ITERATIONS
-    if unfinished or not np.isfinite(optimizer.error()) or _has_diverged(gtsam, result):
-        raise NotConvergedError(
-            f"the global estimate did not converge (error {optimizer.error():.4g} after "
-            f"{optimizer.iterations()} iterations); check the sensors' intrinsics and the target's "
-            "size in the rig file"
+    huber_k: float,
+    tolerance: float,
+) -> tuple[Poses, str]:
+    """The best poses, and why they are not the minimum; empty if they are."""
+    stack = EdgeStack(edges, list(sensors), list(targets))
+    free = np.array([s not in fixed for s in sensors], dtype=bool)
+    system = LinearSystem(stack.sensor, stack.exposure, free, len(targets))
+    state = _state(stack, poses_of(sensors), poses_of(targets), huber_k)
+    stack.check(state.T_s_t)
+    damping, problem = _LEAST_DAMPING, "its steps do not end"
+    for _ in range(_MOST_ITERATIONS):
+        step_s, step_t, promised = system.solve(state.blocks, state.T_s_t, damping)
+        trial = _state(
+            stack, state.T_root_s @ se3.exp(step_s), state.T_root_t @ se3.exp(step_t), huber_k
         )
-    return result
+        share = promised / (1 + state.chi2)
+        is_last = share <= (tolerance if trial.chi2 <= state.chi2 else _ROUNDING)
+        if trial.chi2 < state.chi2 and _is_near(trial):
+            state, damping = trial, max(damping / 10, _LEAST_DAMPING)
+        elif damping > _MOST_DAMPING:
+            problem = "no step lowers its error"
+            break
+        else:
+            damping *= 100
+        if is_last and damping <= _FREE_DAMPING:
+            problem = _unseen(stack, state, list(sensors), free)
+            break
+    return (
+        dict(zip(sensors, state.T_root_s, strict=True)),
+        dict(zip(targets, state.T_root_t, strict=True)),
+    ), problem
 
 
-def _has_diverged(gtsam: Any, values: Any) -> bool:
-    places = gtsam.utilities.extractPose3(values)[:, 9:]
-    return bool(not np.isfinite(places).all() or np.abs(places).max() > _FAR_M)
+def _state(stack: EdgeStack, T_root_s: Array, T_root_t: Array, huber_k: float) -> _State:
+    T_s_t = stack.relative(T_root_s, T_root_t)
+    blocks = stack.blocks(T_s_t, huber_k)
+    return _State(T_root_s, T_root_t, T_s_t, blocks, float(blocks.chi2.sum()))
+
+
+def _is_near(state: _State) -> bool:
+    places = np.concatenate([state.T_root_s, state.T_root_t])[:, :3, 3]
+    return bool(np.abs(places).max(initial=0.0) < _FAR_M)
+
+
+def _unseen(
+    stack: EdgeStack, state: _State, sensors: Sequence[str], free: NDArray[np.bool_]
+) -> str:
+    """Names a sensor that stands still only because no residual of its depends on its pose."""
+    says_nothing = np.abs(state.blocks.H).max(axis=(1, 2), initial=0.0) == 0
+    for i in np.flatnonzero(free).tolist():
+        own = stack.sensor == i
+        if own.any() and says_nothing[own].all():
+            return (
+                f"from where '{sensors[i]}' has come to, none of its targets is in its view; it "
+                "needs better first poses (`initial: pose` in the rig file)"
+            )
+    return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +13,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.graph import joint
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.information import EdgeFit, Information, information
+from rigcal.graph.stack import EdgeStack, poses_of
 from rigcal.progress import Progress
 
 # A true observation falls outside with this probability.
@@ -96,9 +98,10 @@ def _scales(fits: Sequence[EdgeFit], before: Mapping[str, float]) -> dict[str, f
     as modelled. Where they disagree more than they scatter (lens models, biased ranges, motion)
     the larger counts: it is what the estimate rests on. Robust when `before` is empty.
     """
-    result = dict(before)
-    for sensor in {f.edge.sensor for f in fits}:
-        own = [f for f in fits if f.edge.sensor == sensor]
+    result, by_sensor = dict(before), dict[str, list[EdgeFit]]()
+    for fit in fits:
+        by_sensor.setdefault(fit.edge.sensor, []).append(fit)
+    for sensor, own in by_sensor.items():
         square = np.array([f.edge.scale**2 for f in own])
         inner = square * [f.chi2 - f.misfit for f in own]
         outer = square * [f.misfit for f in own]
@@ -159,15 +162,16 @@ def _inliers(
     """
     from scipy.stats import chi2 as law
 
-    masked = [_mask(replace(e, scale=scales[e.sensor]), sensors, targets) for e in edges]
+    masked = _masked([replace(e, scale=scales[e.sensor]) for e in edges], sensors, targets)
     kept, dropped = [], {}
     names = {(e.sensor, e.exposure) for e in alive}
     used = [e for e in masked if (e.sensor, e.exposure) in names]
     others = [e for e in masked if (e.sensor, e.exposure) not in names]
+    limits = np.asarray(law.isf(_SIGNIFICANCE, np.arange(7)))
     for fit in information(used, sensors, targets, fixed, others).fits:
         edge, name = fit.edge, (fit.edge.sensor, fit.edge.exposure)
         blocks = 1.0 if edge.keep is None else float(edge.keep.mean())
-        limit = float(law.isf(_SIGNIFICANCE, max(fit.misfit_dof, 1)))
+        limit = float(limits[max(fit.misfit_dof, 1)])
         if blocks < 0.5:
             dropped[name] = f"{100 * (1 - blocks):.0f} % of its measurements are outliers"
         elif fit.misfit > limit:
@@ -177,21 +181,23 @@ def _inliers(
             )
         else:
             kept.append(edge)
-    exposures = [e.exposure for e in kept]
-    for edge in [e for e in kept if exposures.count(e.exposure) < 2]:
-        dropped[edge.sensor, edge.exposure] = "no other sensor's data is left in this exposure"
-        kept.remove(edge)
-    return kept, dropped
+    count = Counter(e.exposure for e in kept)
+    for edge in kept:
+        if count[edge.exposure] < 2:
+            dropped[edge.sensor, edge.exposure] = "no other sensor's data is left in this exposure"
+    return [e for e in kept if count[e.exposure] > 1], dropped
 
 
-def _mask(
-    edge: SensorTargetEdge, sensors: Mapping[str, Array], targets: Mapping[str, Array]
-) -> SensorTargetEdge:
-    """Masks blocks beyond `_BLOCK_SIGMAS` in an edge of many; one of few stands or falls whole."""
-    block = edge.residual.block
-    if edge.residual.dof < 4 * block:
-        return edge
-    r, _, _ = replace(edge, keep=None).evaluate(sensors[edge.sensor], targets[edge.exposure])
-    size = np.linalg.norm(r.reshape(-1, block), axis=1) / np.sqrt(block)
-    keep: NDArray[np.bool_] = size < _BLOCK_SIGMAS
-    return replace(edge, keep=None if keep.all() else keep)
+def _masked(
+    edges: Sequence[SensorTargetEdge], sensors: Mapping[str, Array], targets: Mapping[str, Array]
+) -> list[SensorTargetEdge]:
+    """Masks blocks beyond `_BLOCK_SIGMAS` in edges of many; one of few stands or falls whole."""
+    plain = [replace(e, keep=None) for e in edges]
+    stack = EdgeStack(plain, list(sensors), list(targets))
+    sizes = stack.sizes(stack.relative(poses_of(sensors), poses_of(targets)))
+    result = []
+    for edge, size in zip(plain, sizes, strict=True):
+        keep: NDArray[np.bool_] = size < _BLOCK_SIGMAS
+        whole = len(size) < 4 or bool(keep.all())
+        result.append(edge if whole else replace(edge, keep=keep))
+    return result

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         Residual,
         SensorConfig,
         SensorType,
+        StackableResidual,
     )
     from rigcal.plugin.registry import BrokenPlugin, Plugin, Registry
 
@@ -33,6 +34,7 @@ __all__ = [
     "Residual",
     "SensorConfig",
     "SensorType",
+    "StackableResidual",
     "hookimpl",
 ]
 

@@ -7,9 +7,9 @@ inside the functions: listing plugins must import none of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,7 +140,10 @@ class Residual(Protocol):
     independent when the measurements have the configured noise, and J (m, 6), its derivative by a
     right perturbation of `T_s_t` ([rotation, translation]). `block` rows belong to one measurement
     (two for a pixel): robust weights are given per block; m is a multiple of it. `dof` is the
-    number of independent entries of r (m, unless rows are a compressed form of fewer).
+    number m of rows, which are independent: many measurements may be compressed to fewer rows.
+
+    A class may offer a classmethod `stack` (see `StackableResidual`) that evaluates many residuals
+    at once. Without it they are called one by one: the same result, at the cost of a call each.
     """
 
     @property
@@ -150,11 +153,28 @@ class Residual(Protocol):
 
     @property
     def dof(self) -> int:
-        """Independent entries of r."""
+        """Rows of r."""
         ...
 
     def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
         """R (m,) and J (m, 6) at `T_s_t`."""
+        ...
+
+
+Stacked = Callable[[Array], tuple[Array, Array]]
+"""K residuals as one function: `T_s_t` (K, 4, 4) -> r (N,) and J (N, 6), row by row in order."""
+
+
+class StackableResidual(Residual, Protocol):
+    """A residual that knows how to evaluate many of its class in one call: for speed."""
+
+    @classmethod
+    def stack(cls, residuals: Sequence[Self]) -> Stacked:
+        """One function for residuals of one sensor with equal `block`.
+
+        Its rows are those of the residuals, one after the other. A subclass does not inherit it:
+        it is used only where the class itself defines it.
+        """
         ...
 
 

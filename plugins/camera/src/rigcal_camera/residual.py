@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from rigcal.errors import ObservationError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate
+from rigcal.plugin.contract import Stacked
 from rigcal.targets.target import Target
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.lens import Lens, lens_of
@@ -21,13 +24,14 @@ _UNSEEN_PX = 1e4
 def reprojection(lens: Lens, T_s_t: Array, p_t: Array, uv: Array) -> tuple[Array, Array]:
     """Errors (N, 2) [px], predicted minus measured, and their derivative (N, 2, 6).
 
+    `T_s_t` is one pose (4, 4), or one for each of the points p_t (N, 3) that are seen at uv (N, 2).
     The derivative is by a right perturbation of `T_s_t`: `p_s = T_s_t p_t`, so
     `dp_s = R (v + w x p_t) = R [-[p_t]x, I] [w, v]`. Points that cannot be imaged have an error of
     10 000 px on both axes and no derivative.
     """
-    p_s = se3.apply(T_s_t, p_t)
-    predicted, J_point, valid = lens.pixels_from_points(p_s)
-    J_translation = J_point @ T_s_t[:3, :3]
+    R, t = T_s_t[..., :3, :3], T_s_t[..., :3, 3]
+    predicted, J_point, valid = lens.pixels_from_points(np.einsum("...ij,...j->...i", R, p_t) + t)
+    J_translation = J_point @ R
     J = np.concatenate([-J_translation @ se3.skew(p_t), J_translation], axis=2)
     return np.where(valid[:, None], predicted - uv, _UNSEEN_PX), J
 
@@ -51,6 +55,19 @@ class ReprojectionResidual:
         """R (2M,) and J (2M, 6) at `T_s_t`."""
         error, J = reprojection(self.lens, T_s_t, self.p_t, self.uv)
         return error.ravel() / self.sigma_px, J.reshape(-1, 6) / self.sigma_px
+
+    @classmethod
+    def stack(cls, residuals: Sequence[Self]) -> Stacked:
+        """All views of one camera at once."""
+        first = residuals[0]
+        p_t, uv = (np.concatenate([getattr(r, f) for r in residuals]) for f in ("p_t", "uv"))
+        view = np.repeat(np.arange(len(residuals)), [len(r.uv) for r in residuals])
+
+        def evaluate(T_s_t: Array) -> tuple[Array, Array]:
+            error, J = reprojection(first.lens, T_s_t[view], p_t, uv)
+            return error.ravel() / first.sigma_px, J.reshape(-1, 6) / first.sigma_px
+
+        return evaluate
 
 
 def make_residual(

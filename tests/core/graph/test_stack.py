@@ -142,16 +142,16 @@ class BrokenStack(Single):
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ("rows", r"returned r of shape \(5,\) and J of shape \(5, 6\); expected \(6,\) and"),
-        ("columns", r"J of shape \(6, 5\); expected \(6,\) and \(6, 6\), as its dof is 6"),
-        ("nan", r"not finite: 0 in r of shape \(6,\), 6 in J of shape \(6, 6\)"),
-        ("raises", "failed with ZeroDivisionError: range is 0"),
+        ("rows", r"shapes \(5,\) and \(5, 6\); expected \(6,\) and \(6, 6\) of its dof 6"),
+        ("columns", r"shapes \(6,\) and \(6, 5\); expected \(6,\) and \(6, 6\)"),
+        ("nan", r"its Jacobian of shape \(6, 6\) is not finite in 6 of its 36 entries"),
+        ("raises", "it failed with ZeroDivisionError: range is 0"),
     ],
 )
 def test_a_residual_that_breaks_its_contract_is_named(fault, message):
     found = [Broken(2, fault if k == 2 else "") for k in range(4)]
     edges = [SensorTargetEdge("sonar", f"at {k}", r) for k, r in enumerate(found)]
-    where = rf"sensor 'sonar', exposure 'at 2': its residual \(.*Broken\) .*{message}"
+    where = rf"sensor 'sonar', exposure 'at 2': .*{message}.*Broken"
     with pytest.raises(PluginError, match=where):
         solve(edges, {"sonar": np.eye(4)}, {e.exposure: np.eye(4) for e in edges}, frozenset())
 

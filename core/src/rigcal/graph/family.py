@@ -10,11 +10,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rigcal.errors import PluginError, RigcalError
+from rigcal.errors import ObservationError, PluginError, RigcalError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
+from rigcal.plugin.answers import check_residual
 from rigcal.plugin.contract import Residual, Stacked
 
 
@@ -80,8 +80,10 @@ class Family:
         """What is wrong, found edge by edge."""
         for edge, T in zip(self._edges, T_s_t, strict=True):
             if problem := _problem(edge.residual, T):
-                where = f"sensor '{edge.sensor}', exposure '{edge.exposure}'"
-                return PluginError(f"{where}: its residual ({_name(edge.residual)}) {problem}")
+                return PluginError(
+                    f"sensor '{edge.sensor}', exposure '{edge.exposure}': {problem} "
+                    f"({_name(edge.residual)}); its plugin needs mending"
+                )
         edge = self._edges[0]
         return PluginError(
             f"sensor '{edge.sensor}': `stack` of its residual ({_name(edge.residual)}) does not "
@@ -113,21 +115,11 @@ def _stacked(residuals: Sequence[Residual]) -> Stacked:
 def _problem(residual: Residual, T_s_t: Array) -> str:
     """How a residual breaks its contract at `T_s_t`; empty if it keeps it."""
     try:
-        r, J = (np.asarray(part, dtype=np.float64) for part in residual(T_s_t))
+        check_residual(residual, *residual(T_s_t))
+    except ObservationError as error:
+        return str(error)
     except Exception as error:
-        return f"failed with {type(error).__name__}: {error}"
-    rows = residual.dof
-    if r.shape != (rows,) or J.shape != (rows, 6):
-        return (
-            f"returned r of shape {r.shape} and J of shape {J.shape}; expected ({rows},) and "
-            f"({rows}, 6), as its dof is {rows}; its plugin needs mending"
-        )
-    bad: NDArray[np.intp] = np.array([np.count_nonzero(~np.isfinite(part)) for part in (r, J)])
-    if bad.any():
-        return (
-            f"returned values that are not finite: {bad[0]} in r of shape {r.shape}, {bad[1]} in J "
-            f"of shape {J.shape}; its plugin needs mending"
-        )
+        return f"it failed with {type(error).__name__}: {error}"
     return ""
 
 

@@ -18,6 +18,7 @@ from rigcal.observation import (
     PointGeometry,
     PoseGeometry,
 )
+from rigcal.plugin.contract import Residual
 
 _SHAPES: dict[type, dict[str, tuple[int, ...]]] = {
     PoseGeometry: {"T_s_t": (4, 4), "covariance": (6, 6)},
@@ -38,16 +39,24 @@ def check_detection(found: object) -> None:
             raise ObservationError(f"candidate {number}: {error}") from None
 
 
-def check_residual(r: Array, J: Array, block: int) -> None:
-    """ObservationError unless r (m,) and J (m, 6) are finite and m is a multiple of `block`."""
-    if np.ndim(r) != 1 or np.shape(J) != (len(r), 6) or len(r) % max(block, 1):
+def check_residual(residual: Residual, r: Array, J: Array) -> None:
+    """ObservationError unless r and J, which a residual returned, are finite and of its shapes.
+
+    Expected are (m,) and (m, 6), where m is its dof and a multiple of its block.
+    """
+    rows, block = residual.dof, max(residual.block, 1)
+    if rows % block or np.shape(r) != (rows,) or np.shape(J) != (rows, 6):
         raise ObservationError(
             f"its residual and Jacobian have shapes {np.shape(r)} and {np.shape(J)}; expected "
-            f"(m,) and (m, 6), m a multiple of its block {block}"
+            f"({rows},) and ({rows}, 6) of its dof {rows}, a multiple of its block {block}"
         )
     for name, values in (("residual", r), ("Jacobian", J)):
-        if not np.isfinite(values).all():
-            raise ObservationError(f"its {name} holds a value that is not finite")
+        bad = np.count_nonzero(~np.isfinite(values))
+        if bad:
+            raise ObservationError(
+                f"its {name} of shape {np.shape(values)} is not finite in {bad} of its "
+                f"{np.size(values)} entries"
+            )
 
 
 def _check_candidate(candidate: Any) -> None:

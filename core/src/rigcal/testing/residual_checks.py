@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from rigcal.errors import RigcalError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.stack import EdgeStack
 from rigcal.observation import Candidate, Observation
 from rigcal.observation_file import load_observations, save_observations
 from rigcal.plugin.answers import check_detection, check_residual
@@ -62,14 +64,25 @@ class ResidualChecks(Stage):
         T_s_t, candidate = self._one()
         residual = self.residual(candidate)
         r, J = residual(T_s_t)
-        assert r.ndim == 1
-        assert J.shape == (len(r), 6)
+        check_residual(residual, r, J)
         assert r.dtype == J.dtype == np.float64
-        assert np.isfinite(r).all()
-        assert np.isfinite(J).all()
         assert residual.block > 0
-        assert len(r) % residual.block == 0, "r has whole blocks of rows"
-        assert 0 < residual.dof <= len(r)
+
+    @needs("candidates")
+    def test_residuals_evaluated_together_are_those_one_by_one(self) -> None:
+        """By the class's `stack` where it has one."""
+        rng = np.random.default_rng(6)
+        poses = self.poses(rng, _POSES)
+        own = [self.residual(self.candidate(T_s_t, rng)) for T_s_t in poses]
+        T_s_t = np.stack(list(poses)) @ se3.exp(rng.normal(0, 0.05, (len(own), 6)))
+        names = [str(k) for k in range(len(own))]
+        edges = [SensorTargetEdge("s", k, residual) for k, residual in zip(names, own, strict=True)]
+        blocks = EdgeStack(edges, ["s"], names).blocks(T_s_t)
+        for residual, T, H, g in zip(own, T_s_t, blocks.H, blocks.g, strict=True):
+            r, J = residual(T)
+            scale = float(np.abs(J.T @ J).max())
+            np.testing.assert_allclose(H, J.T @ J, rtol=1e-12, atol=1e-12 * scale)
+            np.testing.assert_allclose(g, J.T @ r, rtol=1e-12, atol=1e-12 * scale)
 
     @needs("candidates")
     def test_jacobian_is_the_derivative(self) -> None:
@@ -128,7 +141,7 @@ class ResidualChecks(Stage):
             with np.errstate(all="ignore"):
                 try:
                     residual = self.residual(spoilt)
-                    check_residual(*residual(T_s_t), residual.block)
+                    check_residual(residual, *residual(T_s_t))
                 except RigcalError:
                     continue
                 except Exception as error:

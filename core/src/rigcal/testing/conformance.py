@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from rigcal.testing.capability import report_what_is_not_offered
 from rigcal.testing.config_checks import ConfigChecks
 from rigcal.testing.estimate_checks import EstimateChecks
 from rigcal.testing.message_checks import MessageChecks
@@ -67,11 +66,10 @@ class SensorConformance(
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
         for name in ("sensor_type", "config"):
             if not hasattr(cls, name):
                 raise TypeError(f"{cls.__name__}: set `{name}` in the class")
-        report_what_is_not_offered(cls)
+        super().__init_subclass__(**kwargs)
 
     def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
         """One `test_capability` for each optional part."""

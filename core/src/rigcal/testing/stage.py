@@ -18,6 +18,7 @@ from rigcal.recording.message import Message
 from rigcal.residual import residual_of
 from rigcal.scene import Scene
 from rigcal.targets import BUILTIN_TARGETS, Target
+from rigcal.testing.capability import report_what_is_not_offered
 
 TOLERANCES = {"m": 1e-4, "px": 0.02}
 _MOST_DRAWS = 2000
@@ -51,6 +52,11 @@ class Stage:
     """False where the configured noise is that of features (corners), not of the raw data (pixels);
     then it is only an upper bound."""
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if hasattr(cls, "sensor_type"):
+            report_what_is_not_offered(cls)
+
     folder: Path
     """A folder for the files that `message` may write; a new one for every check."""
 
@@ -66,9 +72,9 @@ class Stage:
     def poses(self, rng: np.random.Generator, count: int) -> Array:
         """(count, 4, 4) poses `T_s_t` at which the whole board is in view, facing the sensor.
 
-        The default draws them about the direction that the sensor looks along, leaning and turned
-        by up to 35 degrees, and keeps those that `sees` accepts. Override it for other fields of
-        view.
+        The default draws them about the direction that the sensor looks along, turned by up to 29
+        degrees about each axis, and keeps those that `sees` accepts. Override it for other fields
+        of view.
         """
         found: list[Array] = []
         for _ in range(_MOST_DRAWS):
@@ -197,5 +203,5 @@ class Stage:
         T_s_t[:3, 3] = distance * (np.cos(bearing) * ahead + np.sin(bearing) * left) + height * up
         # The board turns to the sensor, then leans, turns and rolls at random.
         T_s_t[:3, :3] = se3.exp_so3(bearing * up) @ T_s_t[:3, :3]
-        T_s_t[:3, :3] @= se3.exp_so3(rng.uniform(-0.6, 0.6, 3))
+        T_s_t[:3, :3] @= se3.exp_so3(rng.uniform(-0.5, 0.5, 3))
         return T_s_t

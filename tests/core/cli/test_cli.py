@@ -65,6 +65,10 @@ class Sonar:
     def rigcal_commands(self) -> list[tuple[str, Callable[..., Any]]]:
         return [("ping", ping), ("fail", fail)]
 
+    @hookimpl
+    def rigcal_schemas(self) -> list[tuple[str, Callable[..., Any]]]:
+        return [("notes", lambda registry: {"title": "notes"})]
+
 
 def _observation(sensor: str, exposure: str) -> Observation:
     geometry = PointGeometry(np.ones(3), np.eye(3), np.zeros(3))
@@ -222,6 +226,13 @@ def test_schema_is_json(place: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert json.loads(capsys.readouterr().out)["required"] == [
         "version", "root", "targets", "sensors",
     ]  # fmt: skip
+
+
+def test_schema_of_another_file(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run("schema", "notes") == 0
+    assert json.loads(capsys.readouterr().out) == {"title": "notes"}
+    assert _run("schema", "note") == 2
+    assert "no schema of 'note', did you mean 'notes'? (has: notes, rig)" in capsys.readouterr().err
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

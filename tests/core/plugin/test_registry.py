@@ -81,6 +81,12 @@ def test_rigcal_commands_are_collected() -> None:
     assert registry.commands == {"ping": _ping}
 
 
+def test_rigcal_schemas_are_collected() -> None:
+    registry = Registry([_plugin("rigcal_schemas", [("notes", dict)])])
+    assert registry.schemas == {"notes": dict}
+    assert registry.plugins[1].offers == "schema notes"
+
+
 def test_every_hook_has_a_test_here() -> None:
     tests = [name for name in globals() if name.startswith("test_")]
     for hook in HOOKS:
@@ -115,7 +121,8 @@ class _Untyped(SensorConfig, frozen=True):
         (_sonar(detect=None), "detect is None, not a function"),
         (_sonar(residual=3), "residual is 3, not a function"),
         (_plugin("rigcal_target_types", [UNBUILT]), "build is 1, not a function"),
-        (_plugin("rigcal_commands", [_ping]), "expected (name, function)"),
+        (_plugin("rigcal_commands", [_ping]), "rigcal_commands offers"),
+        (_plugin("rigcal_schemas", [("notes", 1)]), "expected (name, function)"),
     ],
 )
 def test_wrong_plugin_is_refused_with_its_mistake(plugin: object, message: str) -> None:

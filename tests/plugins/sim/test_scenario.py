@@ -9,7 +9,7 @@ from rigcal.errors import ConfigError
 from rigcal.plugin import Registry
 from rigcal.rig import Rig
 from rigcal_sim.scenario import ScenarioConfig
-from rigcal_sim.scenario_file import load_scenario, sensor_effects
+from rigcal_sim.scenario_file import load_scenario, scenario_schema, sensor_effects
 
 GOOD = """\
 version: 1
@@ -91,3 +91,11 @@ def test_a_sensor_has_its_own_effects_before_those_of_its_type(
         "a": {"drop_outs": 0.5, "jitter_s": 0.01},
         "b": {"drop_outs": 0.1, "jitter_s": 0.01},
     }
+
+
+def test_the_schema_knows_the_effects_of_the_installed_types(registry: Registry) -> None:
+    schema = scenario_schema(registry)
+    sections = schema["$defs"]["ScenarioConfig"]["properties"]
+    assert sections["defaults"]["properties"] == {"ranger": {"$ref": "#/$defs/RangerEffects"}}
+    assert {"drop_outs", "rate_hz"} <= set(schema["$defs"]["RangerEffects"]["properties"])
+    assert {"BoardConfig", "CoverConfig", "ContinuousConfig"} <= set(schema["$defs"])

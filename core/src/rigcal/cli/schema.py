@@ -1,13 +1,27 @@
-"""`rigcal schema`: JSON Schema of rig.yaml, for editors."""
+"""`rigcal schema`: JSON Schema of rig.yaml and of other files, for editors."""
 
 from __future__ import annotations
+
+from typing import Annotated
+
+import typer
 
 from rigcal.cli.output import print_json
 
 
-def schema() -> None:
-    """Print the JSON Schema of rig.yaml for the installed plugins."""
+def schema(
+    file: Annotated[
+        str, typer.Argument(metavar="[FILE]", help="rig, or what a plugin adds: scenario.")
+    ] = "rig",
+) -> None:
+    """Print the JSON Schema of rig.yaml, or of another file, for the installed plugins."""
+    from rigcal.errors import ConfigError
     from rigcal.plugin.registry import Registry
     from rigcal.rig import rig_schema
+    from rigcal.validation import nearest_of
 
-    print_json(rig_schema(Registry.from_entry_points()))
+    registry = Registry.from_entry_points()
+    schemas = {**registry.schemas, "rig": rig_schema}
+    if file not in schemas:
+        raise ConfigError(f"no schema of '{file}'{nearest_of(file, sorted(schemas))}")
+    print_json(schemas[file](registry))

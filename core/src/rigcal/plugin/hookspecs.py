@@ -36,3 +36,8 @@ def rigcal_target_types() -> Sequence[TargetType]:  # type: ignore[empty-body]
 @hookspec
 def rigcal_commands() -> Sequence[tuple[str, Any]]:  # type: ignore[empty-body]
     """Commands for the command line: (name, function with typer annotations)."""
+
+
+@hookspec
+def rigcal_schemas() -> Sequence[tuple[str, Any]]:  # type: ignore[empty-body]
+    """Files that `rigcal schema` describes: (name, function (registry) -> JSON Schema)."""

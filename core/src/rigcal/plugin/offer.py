@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rigcal.targets.target import TargetType
 
 Command = tuple[str, Callable[..., Any]]
+FileSchema = tuple[str, Callable[..., dict[str, Any]]]
 HOOKS = tuple(sorted(name for name in vars(hookspecs) if name.startswith("rigcal_")))
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
@@ -32,11 +33,13 @@ class Offer:
     sensor_types: tuple[SensorType, ...] = ()
     target_types: tuple[TargetType, ...] = ()
     commands: tuple[Command, ...] = ()
+    schemas: tuple[FileSchema, ...] = ()
 
     def __str__(self) -> str:
         words = [f"sensor type {s.name}" for s in self.sensor_types]
         words += [f"target type {t.name}" for t in self.target_types]
-        return ", ".join([*words, *(f"command {name}" for name, _ in self.commands)])
+        words += [f"command {name}" for name, _ in self.commands]
+        return ", ".join([*words, *(f"schema {name}" for name, _ in self.schemas)])
 
 
 def collect(plugin: object, hooks: Collection[str] = HOOKS) -> Offer:
@@ -97,8 +100,8 @@ def _checked(hook: str, item: Any) -> Any:
             _check_sensor(item)
         case "rigcal_target_types":
             _check_target(item)
-        case "rigcal_commands":
-            _check_command(item)
+        case "rigcal_commands" | "rigcal_schemas":
+            _check_named_function(hook, item)
     return item
 
 
@@ -152,10 +155,10 @@ def _check_target(target: Any) -> None:
         raise PluginError(f"target type '{target.name}': build is {target.build!r}, not a function")
 
 
-def _check_command(command: Any) -> None:
-    pair = isinstance(command, tuple) and len(command) == 2
-    if not (pair and isinstance(command[0], str) and callable(command[1])):
-        raise PluginError(f"rigcal_commands offers {command!r}, expected (name, function)")
+def _check_named_function(hook: str, item: Any) -> None:
+    pair = isinstance(item, tuple) and len(item) == 2
+    if not (pair and isinstance(item[0], str) and callable(item[1])):
+        raise PluginError(f"{hook} offers {item!r}, expected (name, function)")
 
 
 def _check_config(kind: str, name: object, config: object, base: type[BaseModel]) -> None:

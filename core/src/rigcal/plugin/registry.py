@@ -92,7 +92,7 @@ class _Table(Generic[_T]):
 
 
 class Registry:
-    """Sensor types, target types and commands of the installed plugins.
+    """Sensor types, target types, commands and file schemas of the installed plugins.
 
     `Registry(plugins)` takes modules or objects with hooks and raises PluginError if one is
     wrong. `Registry.from_entry_points()` takes what is installed; a plugin that is wrong is left
@@ -122,6 +122,7 @@ class Registry:
         self._sensors: _Table[SensorType] = _Table("sensor type")
         self._targets: _Table[TargetType] = _Table("target type")
         self._commands: _Table[Callable[..., Any]] = _Table("command")
+        self._schemas: _Table[Callable[..., dict[str, Any]]] = _Table("schema")
         self._plugins: list[Plugin] = []
         self._broken: list[BrokenPlugin] = []
         builtin = _Installed("built in", DISTRIBUTION, version(DISTRIBUTION), _Builtin)
@@ -146,6 +147,7 @@ class Registry:
         complaints = [self._sensors.add(s.name, s, owner) for s in offer.sensor_types]
         complaints += [self._targets.add(t.name, t, owner) for t in offer.target_types]
         complaints += [self._commands.add(name, run, owner) for name, run in offer.commands]
+        complaints += [self._schemas.add(name, make, owner) for name, make in offer.schemas]
         self._plugins.append(Plugin(one.name, one.distribution, one.version, str(offer)))
         for complaint in filter(None, complaints):
             self._leave_out(one, complaint, _CLASH)
@@ -164,6 +166,11 @@ class Registry:
     def commands(self) -> Mapping[str, Callable[..., Any]]:
         """Functions with typer annotations, by the command's name."""
         return dict(self._commands.entries)
+
+    @property
+    def schemas(self) -> Mapping[str, Callable[..., dict[str, Any]]]:
+        """Functions (registry) -> JSON Schema, by the name of the file described."""
+        return dict(self._schemas.entries)
 
     @property
     def plugins(self) -> tuple[Plugin, ...]:

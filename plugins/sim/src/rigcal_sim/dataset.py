@@ -153,7 +153,7 @@ def _record(
                 for writer in writers:
                     writer.write(entry.topic, entry.type, entry.message, entry.stamp_ns)
             tell("simulating", min(done * _BATCH, total), total)
-    return dict(messages)
+    return dict(sorted(messages.items()))
 
 
 def _entries(

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
 
 from rigcal.document import Document, Problems, read_document
 from rigcal.errors import PluginError
@@ -39,6 +43,28 @@ def sensor_effects(scenario: ScenarioConfig, rig: Rig, registry: Registry) -> di
     effects = _find_effects(problems, scenario, rig, registry)
     problems.raise_if_any()
     return effects
+
+
+def scenario_schema(registry: Registry) -> dict[str, Any]:
+    """JSON Schema of a scenario file for the sensor types in the registry."""
+    effects = {name: kind.effects for name, kind in registry.sensor_types.items()}
+    models: list[type[BaseModel]] = [ScenarioConfig, Effects, *effects.values()]
+    refs, schema = models_json_schema([(model, "validation") for model in dict.fromkeys(models)])
+    of = {model: refs[model, "validation"] for model in models}
+    name = of[ScenarioConfig]["$ref"].rpartition("/")[2]
+    properties = schema["$defs"][name]["properties"]
+    properties["defaults"] |= {
+        "properties": {name: of[model] for name, model in effects.items()},
+        "additionalProperties": False,
+    }
+    anything = [of[model] for model in dict.fromkeys(effects.values())]
+    properties["sensors"]["additionalProperties"] = {"anyOf": anything or [of[Effects]]}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "rigcal scenario",
+        **of[ScenarioConfig],
+        **schema,
+    }
 
 
 def _find_effects(

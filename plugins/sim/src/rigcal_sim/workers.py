@@ -28,10 +28,11 @@ def in_order(
         for task in tasks:
             yield work(shared, task)
         return
-    from joblib.externals.loky import get_reusable_executor
+    import cloudpickle
+    from loky import get_reusable_executor
 
     executor = get_reusable_executor(max_workers=jobs)
-    data = pickle.dumps(shared)
+    data = cloudpickle.dumps(shared)  # of plugins that a script defines too
     left = iter(tasks)
     waiting = deque(executor.submit(_run, work, data, task) for task in islice(left, _AHEAD * jobs))
     try:

@@ -232,3 +232,9 @@ def ping(): ...
 @hookimpl
 def rigcal_commands(): return [("ping", ping)]
 """
+
+
+def test_every_hook_has_a_heading_in_the_documentation() -> None:
+    page = Path(__file__).parents[3] / "docs" / "plugin-contract.md"
+    headings = [line for line in page.read_text().splitlines() if line.startswith("### ")]
+    assert sorted(headings) == [f"### `{hook}`" for hook in HOOKS]

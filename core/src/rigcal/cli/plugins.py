@@ -9,12 +9,14 @@ from rigcal.cli.output import Json, print_json, print_line, print_table
 
 def plugins(json: Json = False) -> None:
     """List the installed plugins and what they offer."""
+    from rigcal.plugin import CONTRACT_VERSION
     from rigcal.plugin.registry import Registry
 
     registry = Registry.from_entry_points()
     if json:
         print_json(
             {
+                "contract": CONTRACT_VERSION,
                 "plugins": [asdict(plugin) for plugin in registry.plugins],
                 "broken": [asdict(broken) for broken in registry.broken],
                 "sensor_types": sorted(registry.sensor_types),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
+import reprlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
@@ -109,7 +110,7 @@ def _check_sensor(sensor: Any) -> None:
     from rigcal.plugin.contract import CONTRACT_VERSION, Effects, SensorConfig, SensorType
 
     if not isinstance(sensor, SensorType):
-        raise PluginError(f"rigcal_sensor_types offers {sensor!r}, expected a SensorType")
+        raise PluginError(f"rigcal_sensor_types offers {_shown(sensor)}, expected a SensorType")
     if sensor.contract != CONTRACT_VERSION:
         raise PluginError(
             f"sensor type '{sensor.name}' follows version {sensor.contract} of the plugin "
@@ -141,15 +142,15 @@ def _check_sensor(sensor: Any) -> None:
             )
 
 
-_DATA_FIELDS = {"name", "config", "message_types", "unit", "message_type", "contract", "effects"}
-_DATA_FIELDS |= {"message_definitions", "flat"}
+_DATA_FIELDS = {"name", "config", "message_types", "message_definitions", "unit", "message_type"}
+_DATA_FIELDS |= {"contract", "effects", "flat"}
 
 
 def _check_target(target: Any) -> None:
     from rigcal.targets.target import TargetConfig, TargetType
 
     if not isinstance(target, TargetType):
-        raise PluginError(f"rigcal_target_types offers {target!r}, expected a TargetType")
+        raise PluginError(f"rigcal_target_types offers {_shown(target)}, expected a TargetType")
     _check_config("target type", target.name, target.config, TargetConfig)
     if not callable(target.build):
         raise PluginError(f"target type '{target.name}': build is {target.build!r}, not a function")
@@ -158,7 +159,13 @@ def _check_target(target: Any) -> None:
 def _check_named_function(hook: str, item: Any) -> None:
     pair = isinstance(item, tuple) and len(item) == 2
     if not (pair and isinstance(item[0], str) and callable(item[1])):
-        raise PluginError(f"{hook} offers {item!r}, expected (name, function)")
+        raise PluginError(f"{hook} offers {_shown(item)}, expected (name, function)")
+
+
+def _shown(value: object) -> str:
+    """A value in a message: short, and without an address."""
+    name = getattr(value, "__name__", None)
+    return f"the {type(value).__name__} '{name}'" if name else reprlib.repr(value)
 
 
 def _check_config(kind: str, name: object, config: object, base: type[BaseModel]) -> None:

@@ -24,6 +24,8 @@ def explain(
             unknown.append((path, _known_keys(model, detail["loc"][:-1], data)))
         elif detail["type"] == "missing":
             missing.append(path)
+        elif detail["type"].startswith("union_tag_") and isinstance(detail.get("input"), dict):
+            others.append(_wrong_kind(path, detail))
         else:
             others.append((path, _wrong_value(detail)))
     problems: list[Problem] = []
@@ -48,6 +50,16 @@ def nearest_of(name: str, known: list[str]) -> str:
     nearest = difflib.get_close_matches(name, known, 1)
     guess = f", did you mean '{nearest[0]}'?" if nearest else ""
     return f"{guess} (has: {', '.join(map(str, known))})"
+
+
+def _wrong_kind(path: tuple[Key, ...], detail: Any) -> Problem:
+    """A member of a union is told by the value of one key, which is missing or not known."""
+    context = detail["ctx"]
+    key = context["discriminator"].strip("'_()")
+    if "tag" not in context:
+        return path, f"key '{key}' is missing"
+    known = [tag.strip("'") for tag in context["expected_tags"].split(", ")]
+    return (*path, key), f"no {key} '{context['tag']}'{nearest_of(context['tag'], known)}"
 
 
 def _wrong_value(detail: Any) -> str:

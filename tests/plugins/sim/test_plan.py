@@ -95,5 +95,5 @@ def test_a_rate_that_is_missing_is_asked_for(make_rig: MakeRig, registry: Regist
 
 def test_jitter_must_not_mix_up_a_sensors_frames(make_rig: MakeRig, registry: Registry) -> None:
     sensors = {"a": {"rate_hz": 5.0}, "b": {"rate_hz": 100.0, "jitter_s": 0.005}}
-    with pytest.raises(ConfigError, match=r"sensors.b: jitter_s 0.005 mixes up frames 0.01 s"):
+    with pytest.raises(ConfigError, match=r"sensors.b.jitter_s: 0.005 mixes up frames 0.01 s"):
         make_plan(make_rig(), registry, recording=CONTINUOUS, sensors=sensors)

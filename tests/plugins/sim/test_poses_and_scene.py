@@ -88,7 +88,7 @@ def test_a_board_outside_the_room_is_refused(make_rig: MakeRig, registry: Regist
     rig = make_rig()
     target = build_targets(rig, registry)["board"]
     small = scenario(room={"size_m": [4.0, 4.0, 3.0]})
-    with pytest.raises(ConfigError, match=r"radius 2.5 m.*enlarge room.size_m"):
+    with pytest.raises(ConfigError, match=r"radius 2.5 m.*not fit into the room: enlarge"):
         sample_board_poses(rig, registry, target, small, seed=1)
 
 

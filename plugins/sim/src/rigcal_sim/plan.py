@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigcal.errors import ConfigError
 from rigcal.geometry.se3 import Array
 from rigcal.plugin import Effects
 from rigcal.rig import Rig
@@ -44,8 +43,8 @@ def plan_shots(
     """The frames of all sensors while the board is shown at poses (N, 4, 4).
 
     One frame per pose and sensor, or each sensor at its own rate while the board is carried. A
-    stamp is the frame's true time plus the sensor's clock offset and jitter. ConfigError for a
-    rate that is missing, and for a jitter that would mix up a sensor's frames.
+    stamp is the frame's true time plus the sensor's clock offset and jitter. `effects` are those
+    of `sensor_effects`.
     """
     if isinstance(scenario.recording, ContinuousConfig):
         return _continuous(rig, scenario, scenario.recording, effects, T_w_t, seed)
@@ -53,7 +52,7 @@ def plan_shots(
     times_s = period_s * np.arange(1.0, len(T_w_t) + 1)
     shots = []
     for name in rig.sensors:
-        stamps = _stamps(name, times_s, period_s, scenario, effects[name], seed)
+        stamps = _stamps(name, times_s, scenario, effects[name], seed)
         shots += [
             Shot(name, k, k, T, stamp)
             for k, (T, stamp) in enumerate(zip(T_w_t, stamps, strict=True))
@@ -69,12 +68,13 @@ def _continuous(
     T_w_t: Array,
     seed: int,
 ) -> Plan:
-    rates = {name: _rate_hz(rig, effects, name) for name in rig.sensors}
     carrying = carry(T_w_t, config, seed)
     shots = []
-    for name, rate_hz in rates.items():
+    for name in rig.sensors:
+        rate_hz = effects[name].rate_hz
+        assert rate_hz is not None  # sensor_effects has seen to it
         times_s = np.arange(effects[name].phase_s, carrying.end_s, 1 / rate_hz)
-        stamps = _stamps(name, times_s, 1 / rate_hz, scenario, effects[name], seed)
+        stamps = _stamps(name, times_s, scenario, effects[name], seed)
         poses, exposures = carrying.at(times_s)
         shots += [
             Shot(name, number, int(exposure), T, stamp)
@@ -85,33 +85,11 @@ def _continuous(
     return Plan(_by_stamp(rig, shots), _holds(scenario, carrying.start_s, config.hold_s))
 
 
-def _rate_hz(rig: Rig, effects: Mapping[str, Effects], name: str) -> float:
-    rate_hz = effects[name].rate_hz
-    if rate_hz is None:
-        kind = rig.sensors[name].type
-        raise ConfigError(
-            f"scenario: sensors.{name}: a continuous recording needs the rate of every sensor: "
-            f"add `defaults: {{{kind}: {{rate_hz: 10.0}}}}` for all of its type, or "
-            f"`sensors: {{{name}: {{rate_hz: 10.0}}}}`"
-        )
-    return rate_hz
-
-
 def _stamps(
-    name: str,
-    times_s: Array,
-    period_s: float,
-    scenario: ScenarioConfig,
-    effects: Effects,
-    seed: int,
+    name: str, times_s: Array, scenario: ScenarioConfig, effects: Effects, seed: int
 ) -> list[int]:
-    """Stamps (ns) of a sensor's frames at true times (N,), a period apart."""
-    jitter_s = scenario.stamps.jitter_s if effects.jitter_s is None else effects.jitter_s
-    if 2 * jitter_s >= period_s:
-        raise ConfigError(
-            f"scenario: sensors.{name}: jitter_s {jitter_s:g} mixes up frames {period_s:g} s "
-            "apart; keep it below half of that"
-        )
+    """Stamps (ns) of a sensor's frames at true times (N,)."""
+    jitter_s = scenario.stamps.jitter_of(effects)
     late_s = stream(seed, 0, f"stamps of {name}").uniform(-jitter_s, jitter_s, len(times_s))
     late_s += times_s + effects.clock_offset_s
     start_ns = round(scenario.stamps.start_s * 1e9)

@@ -65,8 +65,8 @@ def sample_board_poses(
     few = sum(len(seen) < scenario.min_sensors for seen in seen_by)
     if few == len(seen_by):
         raise ConfigError(
-            f"scenario: fewer than {scenario.min_sensors} sensors (min_sensors) see any of the "
-            f"{count} poses of the board: change `board`, or leave out `redraw: false`"
+            f"scenario: at none of the board's poses do {scenario.min_sensors} sensors "
+            "(min_sensors) see it: show it where they look (see `board`)"
         )
     unseen = few or sampler.unseen
     return BoardPoses(np.array(drawn).reshape(-1, 4, 4), tuple(seen_by), sampler.redrawn, unseen)
@@ -138,7 +138,7 @@ class _Sampler:
             self.redrawn += 1
             self.unseen += 1
         if not fits:
-            reason = "the board does not fit into the room there: enlarge room.size_m"
+            reason = "it does not fit into the room: enlarge that or show the board nearer"
         else:
             found = f"only {', '.join(spots)} sees" if spots else "no sensor sees"
             reason = f"{found} it there, expected {few} sensors (min_sensors): {advice()}"

@@ -15,6 +15,7 @@ from rigcal.rig import Rig
 from rigcal.validation import nearest_of
 from rigcal_sim.objects import unreadable_textures, with_textures_in
 from rigcal_sim.scenario import ScenarioConfig
+from rigcal_sim.timing import ContinuousConfig
 
 
 def load_scenario(path: Path | str, rig: Rig, registry: Registry) -> ScenarioConfig:
@@ -37,7 +38,8 @@ def sensor_effects(scenario: ScenarioConfig, rig: Rig, registry: Registry) -> di
     """The effects on every sensor of the rig, validated by the class of its sensor type.
 
     What `sensors` says of a sensor holds before what `defaults` says of its type; all other
-    effects are off. ConfigError for names that the rig does not have and for wrong values.
+    effects are off. ConfigError for names that the rig does not have, for wrong values, for a
+    rate that a continuous recording lacks, and for a jitter that mixes up a sensor's frames.
     """
     problems = Problems(Document("scenario", {}))
     effects = _find_effects(problems, scenario, rig, registry)
@@ -83,8 +85,32 @@ def _find_effects(
     for name, config in rig.sensors.items():
         kind = registry.sensor_type(config.type)
         data = {**defaults.get(config.type, {}), **scenario.sensors.get(name, {})}
-        effects[name] = problems.validate(kind.effects, data, ("sensors", name)) or kind.effects()
+        valid = problems.validate(kind.effects, data, ("sensors", name))
+        if valid is not None and scenario.defaults.keys() == defaults.keys():
+            _check_timing(problems, scenario, name, config.type, valid)
+        effects[name] = valid or kind.effects()
     return effects
+
+
+def _check_timing(
+    problems: Problems, scenario: ScenarioConfig, name: str, kind: str, effects: Effects
+) -> None:
+    """Note a rate that is missing, and a jitter that mixes up the sensor's frames."""
+    period_s = scenario.stamps.period_s
+    if isinstance(scenario.recording, ContinuousConfig):
+        if effects.rate_hz is None:
+            text = (
+                "a continuous recording needs the rate of every sensor: add `defaults: "
+                f"{{{kind}: {{rate_hz: 10.0}}}}` for all of its type, or `sensors: "
+                f"{{{name}: {{rate_hz: 10.0}}}}`"
+            )
+            problems.add(("sensors", name), text)
+            return
+        period_s = 1 / effects.rate_hz
+    jitter_s = scenario.stamps.jitter_of(effects)
+    if 2 * jitter_s >= period_s:
+        text = f"{jitter_s:g} mixes up frames {period_s:g} s apart; keep it below half of that"
+        problems.add(("sensors", name, "jitter_s"), text)
 
 
 def _are_effects(problems: Problems, registry: Registry, kind: str, data: object) -> bool:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from rigcal.plugin import Effects
 from rigcal_sim.section import Section
 
 
@@ -27,6 +28,10 @@ class StampsConfig(Section):
                 f"keep it below a quarter of period_s"
             )
         return self
+
+    def jitter_of(self, effects: Effects) -> float:
+        """The jitter of a sensor (s): its own, if it has one."""
+        return self.jitter_s if effects.jitter_s is None else effects.jitter_s
 
 
 class OneFrameConfig(Section):

@@ -93,7 +93,7 @@ def test_a_decoy_looks_like_the_board_and_moves_with_every_exposure(target: Targ
 @pytest.mark.parametrize(
     ("thing", "message"),
     [
-        ("{shape: cone, translation_m: [0, 0, 1]}", "found a mapping"),
+        ("{shape: cone, translation_m: [0, 0, 1]}", "shape: no shape 'cone' (has: "),
         ("{shape: box, size_m: [1, 1, 0], translation_m: [0, 0, 1]}", "found 0, expected a value"),
         ("{shape: sphere, radius_m: 1}", "objects[0]: key 'translation_m' is missing"),
         ("{shape: decoy, radius_m: [3, 2]}", "radius_m is [3, 2]; write [lowest, highest]"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration import Calibration, GraphError, Rejection, ResidualStatistics, SensorResult
 from rigcal.calibration_file import calibration_text, load_calibration, save_calibration
 from rigcal.errors import ConfigError, InputError
 from rigcal.geometry import se3
@@ -31,6 +31,7 @@ def _calibration() -> Calibration:
         rejected=(Rejection("cam0", "3", "/cam0, message 3", "no tag: too dark"),),
         warnings=("cam1: few exposures",),
         provenance={"seed": np.int64(3), "inputs": {"rig": {"sha256": "00e1"}}},
+        graph_error=GraphError(0.0123, 0.0101, 340),
     )  # fmt: skip
 
 
@@ -49,6 +50,7 @@ def test_round_trip(tmp_path: Path) -> None:
     )
     np.testing.assert_allclose(after.target_poses["7"], before.target_poses["7"], atol=1e-15)
     assert (after.rejected, after.warnings) == (before.rejected, before.warnings)
+    assert after.graph_error == before.graph_error
     assert after.provenance == {"seed": 3, "inputs": {"rig": {"sha256": "00e1"}}}
     np.testing.assert_allclose(after.T("lidar", "cam1"), before.T("lidar", "cam1"), atol=1e-15)
 

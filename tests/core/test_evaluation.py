@@ -39,6 +39,16 @@ def test_translation_and_rotation_errors_and_their_means() -> None:
     assert evaluation.mean_translation_m == pytest.approx(0.0025)
 
 
+def test_angle_of_the_principal_axis_sees_tilt_and_no_turn_about_it() -> None:
+    tilted = evaluate(_moved([0.03, 0.04, 0.0, 0.0, 0.0, 0.0]), TRUTH)
+    assert tilted.sensors["b"].axis_rad == pytest.approx(0.05)
+    assert tilted.mean_axis_rad == pytest.approx(0.025)
+    assert tilted.rms_axis_rad == pytest.approx(0.05 / np.sqrt(2))
+    turned = evaluate(_moved([0.0, 0.0, 0.4, 0.0, 0.0, 0.0]), TRUTH).sensors["b"]
+    assert turned.axis_rad == pytest.approx(0.0, abs=1e-12)
+    assert turned.rotation_rad == pytest.approx(0.4)
+
+
 def test_error_in_sigmas() -> None:
     covariance = np.diag([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]) ** 2
     error = evaluate(_moved([0.02, 0.0, 0.0, 0.0, 0.0, 0.0], covariance), TRUTH).sensors["b"]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rigcal.errors import RigcalError
     from rigcal.estimation import calibrate
     from rigcal.evaluation import Evaluation, evaluate
+    from rigcal.graph.method import Method
     from rigcal.observation import Observation
     from rigcal.observation_file import load_observations, save_observations
     from rigcal.plugin.registry import Registry
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Calibration": "calibration",
     "Evaluation": "evaluation",
+    "Method": "graph.method",
     "Observation": "observation",
     "Registry": "plugin.registry",
     "Rig": "rig",
@@ -56,6 +58,7 @@ _HOME = {
 __all__ = [
     "Calibration",
     "Evaluation",
+    "Method",
     "Observation",
     "Registry",
     "Rig",

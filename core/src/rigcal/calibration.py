@@ -50,6 +50,19 @@ class Rejection:
     reason: str
 
 
+@dataclass(frozen=True)
+class GraphError:
+    """Sum of squared errors (m^2) over all edges of MSG-Cal's graph but sensor-sensor ones.
+
+    `pairwise_m2` at the spanning tree of the pairs, `solution_m2` at the result, over the same
+    `edges`.
+    """
+
+    pairwise_m2: float
+    solution_m2: float
+    edges: int
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A tree of sensors rooted at `root`; `sensors` includes the root."""
@@ -64,6 +77,7 @@ class Calibration:
     """Versions, seed, input hashes, settings: plain strings and numbers."""
     holds_ns: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     """From when to when the target stood at each of `target_poses`, true time; in truth files."""
+    graph_error: GraphError | None = None
 
     def T(self, a: str, b: str) -> Array:
         """`T_a_b` (4, 4) between any two sensors of the tree; ConfigError for an unknown name."""

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field
 
-from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration import Calibration, GraphError, Rejection, ResidualStatistics, SensorResult
 from rigcal.document import Problems, read_document
 from rigcal.files import write_text
 from rigcal.geometry import se3
@@ -85,6 +85,12 @@ class _Hold(_Model):
     end_ns: int
 
 
+class _GraphError(_Model):
+    pairwise_m2: float
+    solution_m2: float
+    edges: int
+
+
 class _File(_Model):
     format: Literal["rigcal-calibration"]
     version: Literal[1]
@@ -93,6 +99,7 @@ class _File(_Model):
     sensors: dict[str, _Sensor] = Field(min_length=1)
     rejected: tuple[_Rejection, ...] = ()
     warnings: tuple[str, ...] = ()
+    graph_error: _GraphError | None = None
     provenance: dict[str, Any] = {}
     target_poses: dict[str, _Pose] = {}
     holds: dict[str, _Hold] = {}
@@ -120,6 +127,7 @@ def load_calibration(path: Path | str) -> Calibration:
         rejected=tuple(Rejection(**dict(rejection)) for rejection in file.rejected),
         warnings=file.warnings,
         provenance=file.provenance,
+        graph_error=GraphError(**dict(file.graph_error)) if file.graph_error else None,
     )
 
 
@@ -138,6 +146,7 @@ def calibration_text(calibration: Calibration) -> str:
         "sensors": {name: _sensor(result) for name, result in calibration.sensors.items()},
         "rejected": [_Line(vars(rejection)) for rejection in calibration.rejected],
         "warnings": _Lines(calibration.warnings),
+        "graph_error": calibration.graph_error and _Line(vars(calibration.graph_error)),
         "provenance": _plain(calibration.provenance),
         "target_poses": {name: _Line(_pose(T)) for name, T in calibration.target_poses.items()},
         "holds": {

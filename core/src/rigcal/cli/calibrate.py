@@ -13,6 +13,7 @@ from rigcal.cli.detect import RigFile
 from rigcal.cli.output import Jobs, Json, Quiet, make_folder, print_json, print_line
 from rigcal.cli.progress import progress_bar
 from rigcal.cli.provenance import identity, versions
+from rigcal.graph.method import Formulation, Initial, Method
 
 if TYPE_CHECKING:
     from rigcal.calibration import Calibration
@@ -32,6 +33,17 @@ def calibrate(
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
     ],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random sampling.")] = 0,
+    formulation: Annotated[
+        Formulation,
+        typer.Option(help="Maximum likelihood over all measurements, or the graph of MSG-Cal."),
+    ] = "joint",
+    no_filter: Annotated[
+        bool, typer.Option("--no-filter", help="Use all data, outliers too.")
+    ] = False,
+    initial: Annotated[
+        Initial,
+        typer.Option(help="Start from the spanning tree of the pairs, or with all at the root."),
+    ] = "tree",
     report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -44,10 +56,11 @@ def calibrate(
 
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)
+    method = Method(formulation, not no_filter, initial)
     make_folder(out)
     with progress_bar(quiet or json) as progress:
         observations, inputs = _observations(rig, registry, rig_file, data, out, progress, jobs)
-        calibration = estimate(rig, registry, observations, seed=seed, progress=progress)
+        calibration = estimate(rig, registry, observations, seed, progress, method)
         made_from = {"versions": versions(rig, registry), "inputs": inputs}
         calibration = replace(calibration, provenance={**calibration.provenance, **made_from})
         files = write_results(out, calibration, observations, rig, registry, report)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rigcal.calibration import Calibration
+from rigcal.calibration import Calibration, GraphError
 from rigcal.cli.output import print_line, print_table
 from rigcal.report import tables
 
@@ -34,9 +34,19 @@ def print_calibration(calibration: Calibration) -> None:
         "used/found", "residual rms",
     )  # fmt: skip
     print_table("", columns, rows)
+    print_graph_error(calibration.graph_error)
     _print_rejected(calibration)
     for warning in calibration.warnings:
         print_line(f"warning: {warning}")
+
+
+def print_graph_error(error: GraphError | None) -> None:
+    """Print the seed's metric at the pairs' tree and at the result."""
+    if error is not None:
+        print_line(
+            f"Graph error over {error.edges} edges of MSG-Cal: {error.pairwise_m2:.6g} m^2 with "
+            f"the tree of pairs, {error.solution_m2:.6g} m^2 with this result"
+        )
 
 
 def _print_rejected(calibration: Calibration) -> None:

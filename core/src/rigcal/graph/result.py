@@ -6,12 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration import Calibration, GraphError, Rejection, ResidualStatistics, SensorResult
 from rigcal.geometry import se3
 from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.global_estimate import Estimate
+from rigcal.graph.method import Method
+from rigcal.graph.msgcal import graph_error_m2
 from rigcal.graph.pairwise import PairResult
 from rigcal.graph.selection import Selection, misfit
 from rigcal.graph.solve import Solution
+from rigcal.graph.stages import Stages
 from rigcal.graph.task import Task
 from rigcal.observation import Observation
 
@@ -19,21 +23,14 @@ from rigcal.observation import Observation
 _SUSPICIOUS_SCALE = 5.0
 
 
-def make_result(
-    task: Task,
-    solution: Solution,
-    selections: Mapping[str, Selection],
-    refused: Mapping[str, str],
-    fixed: frozenset[str],
-    seed: int,
-    pairs: Sequence[PairResult],
-) -> Calibration:
+def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibration:
     """The calibration of all sensors; every observation that is no inlier is in `rejected`."""
+    task, solution, selections = stages.task, estimate.solution, estimate.selections
     sensors = {}
     for name in task.rig.sensors:
         own = [e for e in solution.edges if e.sensor == name]
         detected = [s[name] for s in task.exposures.values() if name in s and s[name].candidates]
-        covariance = None if name in fixed else solution.information.covariance_of(name)
+        covariance = None if name in stages.fixed else solution.information.covariance_of(name)
         sensors[name] = SensorResult(
             task.rig.root,
             solution.sensors[name],
@@ -47,32 +44,36 @@ def make_result(
         Rejection(name, exposure, o.origin, reason)
         for exposure, seen in task.exposures.items()
         for name, o in seen.items()
-        if (reason := _why_not(o, solution, selections, refused))
+        if (reason := _why_not(o, estimate))
     )
     return Calibration(
         task.rig.root,
         sensors,
         dict(solution.targets),
         rejected,
-        (*_noise_warnings(solution), *_warnings(pairs)),
-        {"seed": seed, "formulation": "joint"},
+        (*_noise_warnings(solution), *_warnings(stages.pairs)),
+        {"seed": stages.seed, **vars(method)},
+        graph_error=_graph_error(stages, solution, method),
     )
 
 
-def _why_not(
-    o: Observation,
-    solution: Solution,
-    selections: Mapping[str, Selection],
-    refused: Mapping[str, str],
-) -> str:
+def _graph_error(stages: Stages, solution: Solution, method: Method) -> GraphError | None:
+    graph = stages.graph(filtered=method.filtered)
+    if not graph.exposures:
+        return None
+    before, after = (graph_error_m2(graph, T) for T in (stages.T_root, solution.sensors))
+    return GraphError(before, after, graph.edges)
+
+
+def _why_not(o: Observation, estimate: Estimate) -> str:
     """Why this observation is not among the inliers; empty if it is."""
     if not o.candidates:
         return o.reason
-    if o.exposure in refused:
-        return refused[o.exposure]
-    if reason := selections[o.exposure].left_out.get(o.sensor):
+    if o.exposure in estimate.refused:
+        return estimate.refused[o.exposure]
+    if reason := estimate.selections[o.exposure].left_out.get(o.sensor):
         return reason
-    return solution.dropped.get((o.sensor, o.exposure), "")
+    return estimate.solution.dropped.get((o.sensor, o.exposure), "")
 
 
 def _statistics(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,15 @@ def _hypotheses(
                 R = np.column_stack([tangent_basis(g.normal), g.normal])
                 planes.append((T_root[s] @ se3.transform(R, g.center), False))
     return poses or planes
+
+
+def first_board(
+    seen: Mapping[str, Observation], chosen: Mapping[str, int], T_root: Mapping[str, Array]
+) -> Array | None:
+    """`T_root_t` as the first chosen pose places it, or the first plane; None if there is none."""
+    only = {s: replace(seen[s], candidates=(seen[s].candidates[i],)) for s, i in chosen.items()}
+    hypotheses = _hypotheses(only, T_root)
+    return hypotheses[0][0] if hypotheses else None
 
 
 def _best_candidate(

@@ -47,17 +47,20 @@ def estimate(
     progress: Progress | None = None,
     *,
     estimate_noise: bool = True,
+    reject: bool = True,
 ) -> Solution:
     """Maximum likelihood on the inliers.
 
     A robust stage (Huber) first; then rounds of: the noise of every sensor from its residuals, a
     chi-square test of every edge and block, a solution on what remains, until that stays the same.
     With `estimate_noise` false the configured noise weighs the edges, and the estimated one is
-    only reported. NotConvergedError if a solution is not reached.
+    only reported. Without `reject` no edge is tested, masked or weighed down for being far off.
+    NotConvergedError if a solution is not reached.
     """
     tell = progress or (lambda *_: None)
     tell("global estimate", 0, _MOST_ROUNDS + 1)
-    poses, boards = joint.solve_robust(edges, sensors, targets, fixed)
+    first = joint.solve_robust if reject else joint.solve
+    poses, boards = first(edges, sensors, targets, fixed)
     info = information(edges, poses, boards, fixed)
     alive, dropped, scales = list(edges), dict[tuple[str, str], str](), _scales(info.fits, {})
     for round_ in range(_MOST_ROUNDS):
@@ -65,7 +68,10 @@ def estimate(
         before = _signature(alive)
         weights = scales if estimate_noise else dict.fromkeys(scales, 1.0)
         judged = {(e.sensor, e.exposure) for e in edges}
-        alive, refused = _inliers(edges, alive, poses, boards, fixed, weights)
+        if reject:
+            alive, refused = _inliers(edges, alive, poses, boards, fixed, weights)
+        else:
+            alive, refused = [replace(e, scale=weights[e.sensor]) for e in edges], {}
         # Exposures that lost all their edges in an earlier round keep the reason given then.
         dropped = {name: why for name, why in dropped.items() if name not in judged} | refused
         used = {e.exposure for e in alive}

@@ -1,0 +1,144 @@
+"""The global estimate of a method, from stages that are the same for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rigcal.errors import NotConvergedError
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.graph import joint, msgcal
+from rigcal.graph.choice import best_ranked
+from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.method import Method
+from rigcal.graph.selection import Selection, first_board, select
+from rigcal.graph.solve import Solution, estimate
+from rigcal.graph.stages import Stages
+from rigcal.graph.task import Task
+from rigcal.observation import Observation
+from rigcal.progress import Progress
+
+# Two runs to one minimum end this close to each other, in standard deviations.
+_SAME_MINIMUM = 1.0
+_NO_EDGE = "no pair of sensors counts it among its inliers"
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A global estimate, and which observations it was offered or why not, by exposure."""
+
+    solution: Solution
+    selections: Mapping[str, Selection]
+    refused: Mapping[str, str]
+
+
+def solve(stages: Stages, method: Method, progress: Progress | None = None) -> Estimate:
+    """The global estimate by a method.
+
+    NotConvergedError if there is none, or if one that did not start from the spanning tree ends
+    anywhere else than the one that does: at a minimum that is not the lowest.
+    """
+    formulation = {"joint": _solve_joint, "msgcal": _solve_msgcal}[method.formulation]
+    result = formulation(stages, method, progress)
+    if method.initial != "tree":
+        reference = formulation(stages, replace(method, initial="tree"), progress)
+        _check_same_minimum(result.solution, reference.solution)
+    return result
+
+
+def _solve_joint(stages: Stages, method: Method, progress: Progress | None) -> Estimate:
+    task = stages.task
+    selections, refused = _select(stages, filtered=method.filtered)
+    if method.initial != "tree":
+        start, boards = stages.start(method), dict[str, Array]()
+        for k, selection in selections.items():
+            T_root_t = first_board(task.exposures[k], selection.chosen, start)
+            boards[k] = selection.T_root_t if T_root_t is None else T_root_t
+        found, _ = joint.solve_robust(_edges(task, selections), start, boards, stages.fixed)
+        # Some boards may have ended upside down: they are placed again by the sensors as found.
+        stages = replace(stages, T_root=found)
+        selections, refused = _select(stages, filtered=method.filtered)
+    solution = estimate(
+        _edges(task, selections), stages.T_root,
+        {k: s.T_root_t for k, s in selections.items()}, stages.fixed, progress,
+        estimate_noise=task.rig.noise == "estimated", reject=method.filtered,
+    )  # fmt: skip
+    return Estimate(solution, selections, refused)
+
+
+def _solve_msgcal(stages: Stages, method: Method, progress: Progress | None) -> Estimate:
+    """The graph's sensors; the boards are those that fit the measurements best with them."""
+    task, tell = stages.task, progress or (lambda *_: None)
+    tell("global estimate", 0, 1)
+    graph = stages.graph(filtered=method.filtered)
+    solved = msgcal.solve(graph, stages.start(method), stages.fixed)
+    selections = {}
+    for x in graph.exposures:
+        seen, chosen = task.exposures[x.exposure], {n.sensor: n.candidate for n in x.nodes}
+        T_root_t = first_board(seen, chosen, solved.sensors)
+        if T_root_t is not None:
+            left_out = {s: _NO_EDGE for s, o in seen.items() if o.candidates and s not in chosen}
+            selections[x.exposure] = Selection(T_root_t, chosen, left_out, has_pose=True)
+    edges = _edges(task, selections)
+    boards = {exposure: s.T_root_t for exposure, s in selections.items()}
+    _, boards = joint.solve(edges, solved.sensors, boards, frozenset(solved.sensors))
+    refused = {k: _NO_EDGE for k in task.exposures if k not in selections}
+    tell("global estimate", 1, 1)
+    solution = Solution(solved.sensors, boards, tuple(edges), solved.information, {}, {})
+    return Estimate(solution, selections, refused)
+
+
+def _check_same_minimum(solution: Solution, reference: Solution) -> None:
+    """NotConvergedError if the sensors' poses are not those of the reference."""
+    off = []
+    for s in reference.information.sensors:
+        D = se3.inverse(reference.sensors[s]) @ solution.sensors[s]
+        xi, covariance = se3.log(D), reference.information.covariance_of(s)
+        if not xi @ np.linalg.solve(covariance, xi) < _SAME_MINIMUM**2:
+            degrees, mm = np.degrees(np.linalg.norm(xi[:3])), 1e3 * np.linalg.norm(D[:3, 3])
+            off.append(f"{s} by {degrees:.3g} deg and {mm:.3g} mm")
+    if off:
+        raise NotConvergedError(
+            "started from the identity, the global estimate ends at another minimum than from the "
+            f"spanning tree: it is off for {', '.join(off)}; start it from the tree"
+        )
+
+
+def _select(stages: Stages, *, filtered: bool) -> tuple[dict[str, Selection], dict[str, str]]:
+    """What the sensors in the tree's poses agree on, or everything, by exposure."""
+    task, selections, refused = stages.task, dict[str, Selection](), dict[str, str]()
+    everything = {} if filtered else best_ranked(task)
+    for exposure, seen in task.exposures.items():
+        answer = select(seen, stages.T_root, task.target(next(iter(seen))))
+        if exposure in everything:
+            answer = _all_of(seen, everything[exposure], stages.T_root, answer)
+        if isinstance(answer, str):
+            refused[exposure] = answer
+        else:
+            selections[exposure] = answer
+    return selections, refused
+
+
+def _all_of(
+    seen: Mapping[str, Observation],
+    chosen: Mapping[str, int],
+    T_root: Mapping[str, Array],
+    agreed: Selection | str,
+) -> Selection | str:
+    """All observations of an exposure, with the board's place as far as sensors agree on one."""
+    if isinstance(agreed, Selection):
+        return Selection(agreed.T_root_t, chosen, {}, agreed.has_pose)
+    T_root_t = first_board(seen, chosen, T_root)
+    return agreed if T_root_t is None else Selection(T_root_t, chosen, {}, has_pose=True)
+
+
+def _edges(task: Task, selections: Mapping[str, Selection]) -> list[SensorTargetEdge]:
+    return [
+        SensorTargetEdge(sensor, exposure, task.residual(sensor, candidate))
+        for exposure, selection in selections.items()
+        for sensor, i in selection.chosen.items()
+        for candidate in [task.exposures[exposure][sensor].candidates[i]]
+    ]

@@ -69,8 +69,8 @@ def pose():
 
 @pytest.fixture(scope="session")
 def photograph():
-    def take(target, T_s_t, config, surfaces=(), seed=0, **effects):
-        scene, rng = Scene(target, T_s_t, surfaces), np.random.default_rng(seed)
+    def take(target, T_s_t, config, surfaces=(), solids=(), seed=0, **effects):
+        scene, rng = Scene(target, T_s_t, surfaces, solids), np.random.default_rng(seed)
         return CAMERA.simulate(np.eye(4), scene, config, rng, CameraEffects(**effects))
 
     return take

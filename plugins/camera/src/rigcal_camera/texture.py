@@ -28,23 +28,31 @@ class Texture:
     origin: Array
     texel_m: float
 
-    def sample(self, xy: NDArray[np.float32], footprint_m: float) -> Image:
-        """Print (H, W) in 0..255 at target-frame positions (H, W, 2), averaged over a footprint.
+    def sample(self, xy: NDArray[np.float32], texel_m: Array) -> NDArray[np.float32]:
+        """Print (H, W) in 0..255 at target-frame positions (H, W, 2), interpolated between texels
+        of about `texel_m` (2,) along x and y, or of level 0 where that is coarser.
 
-        The level's texels are at most `footprint_m` wide; its texel i has its centre at
-        `origin + (i + 0.5) * width`, so that no level shifts an edge.
+        Texel i of width w has its centre at `origin + (i + 0.5) w` whatever its width, so that no
+        reduction shifts an edge.
         """
         import cv2
 
-        level = int(np.floor(np.log2(max(footprint_m / self.texel_m, 1.0))))
-        level = min(level, len(self.levels) - 1)
-        width = self.texel_m * 2**level
-        column = ((xy[..., 0] - self.origin[0]) / width - 0.5).astype(np.float32)
-        row = ((self.origin[1] - xy[..., 1]) / width - 0.5).astype(np.float32)
+        factor = np.maximum(texel_m / self.texel_m, 1.0)
+        level = min(int(np.log2(factor.min())), len(self.levels) - 1)
+        image = self.levels[level]
+        size = np.array(image.shape[::-1])
+        count = np.clip(np.round(size * 2**level / factor), 1, size).astype(int)
+        width = size * 2**level * self.texel_m / count
+        if (count < size).any():
+            reduced = cv2.resize(image, count.tolist(), interpolation=cv2.INTER_AREA)
+            image = np.asarray(reduced, dtype=np.uint8)
+        scale = (np.array([1.0, -1.0]) / width).astype(np.float32)
+        shift = (-self.origin * scale - 0.5).astype(np.float32)
+        column, row = (xy[..., i] * scale[i] + shift[i] for i in (0, 1))
         sampled = cv2.remap(
-            self.levels[level], column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            image.astype(np.float32), column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
-        return np.asarray(sampled, dtype=np.uint8)
+        return np.asarray(sampled, dtype=np.float32)
 
 
 _cache: WeakKeyDictionary[Target, dict[float, Texture]] = WeakKeyDictionary()

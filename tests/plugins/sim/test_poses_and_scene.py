@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import kstest, uniform
 
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
@@ -59,6 +60,27 @@ def test_poses_keep_to_the_scenario(make_rig: MakeRig, registry: Registry) -> No
     assert facing.min() >= np.cos(np.radians(20)) * np.cos(np.radians(30)) - 1e-9
     assert facing.max() < 1 - 1e-4
     assert set(poses.seen_by) == {("a", "b")}
+
+
+def test_roll_pitch_and_yaw_are_uniform_in_their_own_bounds(
+    make_rig: MakeRig, registry: Registry
+) -> None:
+    """R(theta, r) of the seed, section 4.4.1."""
+    rig, wanted = make_rig(), scenario(board={"samples": 150})
+    target = build_targets(rig, registry)["board"]
+    T_w_t = sample_board_poses(rig, registry, target, wanted, seed=1).T_w_t
+    # R = Ry(yaw) Rx(pitch) Rz(roll), from the board that faces the z axis.
+    bearings = np.degrees(np.arctan2(T_w_t[:, 1, 3], T_w_t[:, 0, 3]))
+    level = np.array([board_pose(b, 1.0, 0.0, np.zeros(3)) for b in bearings])
+    R = level[:, :3, :3].swapaxes(1, 2) @ T_w_t[:, :3, :3]
+    roll = np.degrees(np.arctan2(R[:, 1, 0], R[:, 1, 1]))
+    pitch = np.degrees(np.arcsin(-R[:, 1, 2]))
+    yaw = np.degrees(np.arctan2(R[:, 0, 2], R[:, 2, 2]))
+    for angle, limit in ((roll, 10.0), (pitch, 20.0), (yaw, 30.0)):
+        assert np.abs(angle).max() <= limit + 1e-9
+        assert kstest(angle, uniform(-limit, 2 * limit).cdf).pvalue > 0.01
+    correlation = np.corrcoef([roll, pitch, yaw])
+    assert np.abs(correlation - np.eye(3)).max() < 0.1
 
 
 def test_number_of_poses_is_spread_over_bearings(make_rig: MakeRig, registry: Registry) -> None:

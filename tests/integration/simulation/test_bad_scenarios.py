@@ -45,6 +45,10 @@ CASES = {
         SCENARIO, "  bearings_deg: [-10, 10]\n  radii_m: [1.4]\n  height_m: 0.1",
         "  {mode: cover, poses: 0, distance_m: [3, 1]}",
     ),
+    "cover_out_of_reach": (
+        SCENARIO, "  bearings_deg: [-10, 10]\n  radii_m: [1.4]\n  height_m: 0.1",
+        "  {mode: cover, poses: 4, distance_m: [1, 1.2]}\nmin_sensors: 5",
+    ),
     "zero_beams_of_a_2d_laser": (RIG, "angle_max_deg: 90.0", "angle_max_deg: -90.0"),
     "zero_beams_of_a_3d_laser": (RIG, "elevations_deg: [-5, 0, 5]", "elevations_deg: []"),
     "angle_step_of_zero": (RIG, "angle_step_deg: 1.0", "angle_step_deg: 0"),

@@ -119,8 +119,7 @@ def _title(summary: Summary) -> str:
     if summary.redrawn:
         title += f"; {summary.redrawn} poses were drawn again"
     if summary.unseen:
-        kept = "of them" if summary.redrawn else "poses"
-        title += f", {summary.unseen} {kept} because too few sensors saw the board"
+        title += f"; too few sensors saw the board at {summary.unseen} poses"
     return title
 
 

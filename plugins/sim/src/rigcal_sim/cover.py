@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.plugin import Registry
@@ -26,7 +27,7 @@ class Coverage:
 
     A view is the set of directions that the sensor sees between the nearest and the farthest
     distance. It is parted into 30 directions, evenly apart (the first on the border), times 3
-    distances in equal ratio.
+    distances in equal ratio. ConfigError if no sensor sees anything there.
     """
 
     def __init__(
@@ -50,6 +51,11 @@ class Coverage:
                 seen = np.any([kind.sees(r * d_s, sensor) for r in middle], axis=0)
             if rig.target_of(name) == target.name and seen.any():
                 self._views[name] = d_s[seen]
+        if not self._views:
+            raise ConfigError(
+                f"scenario: no sensor sees anything {near:.3g} to {far:.3g} m away: "
+                "change board.distance_m"
+            )
         self._cells = {name: spread(d_s, _CELLS) for name, d_s in self._views.items()}
         self.counts = {
             name: np.zeros((len(cells), _DISTANCES), int) for name, cells in self._cells.items()

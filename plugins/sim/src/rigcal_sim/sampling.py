@@ -113,7 +113,7 @@ class _Sampler:
         drawn, seen_by = [], []
         for rng in rngs:
             options = [
-                self._usable(coverage.draw, rng, place, lambda: "change distance_m")
+                self._usable(coverage.draw, rng, place, lambda: "change distance_m or min_sensors")
                 for _ in range(_CHOICES)
             ]
             T_w_t, spots = max(options, key=lambda option: coverage.gain(option[1]))

@@ -17,9 +17,10 @@ from rigcal.recording import Source, open_recording
 from rigcal.rig import build_targets
 from rigcal_sim.dataset import simulate
 from rigcal_sim.default import default_scenario
+from rigcal_sim.plan import plan_shots
 from rigcal_sim.sampling import sample_board_poses
 from rigcal_sim.scenario import ScenarioConfig
-from rigcal_sim.scenario_file import load_scenario
+from rigcal_sim.scenario_file import load_scenario, sensor_effects
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DEMO = Path(str(files("rigcal_sim") / "demo"))
@@ -101,6 +102,9 @@ def test_the_command_simulates_where_the_sensors_look(
     assert answer["exposures"] == 2
     assert Path(answer["truth"]).is_file()
     assert [Path(path).name for path in answer["recordings"]] == ["recording.mcap"]
+    assert answer["sizes_bytes"] == [Path(path).stat().st_size for path in answer["recordings"]]
+    assert answer["messages"]["/cam/image_raw"] == answer["messages"]["/scan"] == 2
+    assert answer["redrawn"] >= answer["unseen"] >= 0
 
 
 @pytest.mark.parametrize(("root", "rpy_deg"), [("front", (0, 0, 0)), ("cam", (-90, 0, -90))])
@@ -134,3 +138,18 @@ def test_every_sensor_of_the_shipped_rigs_sees_enough_boards(
         assert sum(pair <= set(sensors) for sensors in poses.seen_by) >= 3
     tilts = np.degrees(np.arccos(np.abs(poses.T_w_t[:, 2, 1])))
     assert np.ptp(tilts) > 20
+
+
+def test_the_continuous_example_covers_all_sensors(registry: Registry) -> None:
+    rig = load_rig(EXAMPLES / "husky.yaml", registry)
+    scenario = load_scenario(EXAMPLES / "husky_continuous_scenario.yaml", rig, registry)
+    target = build_targets(rig, registry)["board"]
+    poses = sample_board_poses(rig, registry, target, scenario, seed=0)
+    seen = {name: sum(name in sensors for sensors in poses.seen_by) for name in rig.sensors}
+    assert min(seen.values()) >= 5
+    plan = plan_shots(rig, scenario, sensor_effects(scenario, rig, registry), poses.T_w_t, 0)
+    start, end = plan.holds[0][0], plan.holds[-1][1]
+    assert 40 * 2.5 < (end - start) / 1e9 < 600
+    for start, end in plan.holds:
+        held = {shot.sensor for shot in plan.shots if start < shot.stamp_ns < end}
+        assert held == set(rig.sensors)

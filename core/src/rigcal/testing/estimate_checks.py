@@ -25,8 +25,8 @@ from rigcal.testing.statistics import assert_chi_square
 class EstimateChecks(Stage):
     """The sensor is calibrated, and its covariance is true."""
 
-    exposures = 10
-    runs = 10
+    exposures = 16
+    runs = 16
 
     @needs("candidates")
     def test_covariance_is_true(self) -> None:

@@ -16,6 +16,7 @@ from rigcal.cli import main
 from rigcal.plugin import (
     Candidate,
     Detection,
+    Exporter,
     Message,
     PointGeometry,
     RecordingError,
@@ -77,6 +78,14 @@ def _ping() -> None:
     """Ping."""
 
 
+def _turn(angle: object) -> None:
+    """Turn."""
+
+
+# Typical: a name that is imported for type checkers only.
+_turn.__annotations__["angle"] = "Angle"
+
+
 def _failing(error: BaseException) -> Callable[[], object]:
     def load() -> object:
         raise error
@@ -103,6 +112,9 @@ WRONG: dict[str, Callable[[], object]] = {
     "twice-a": lambda: _sensors(PING),
     "twice-b": lambda: _sensors(PING),
     "commands": lambda: _offering("rigcal_commands", _ping),
+    "typer": lambda: _offering("rigcal_commands", ("turn", _turn)),
+    "formats": lambda: _offering("rigcal_recording_formats", ".clf"),
+    "exporters": lambda: _offering("rigcal_exporters", Exporter("urdf", "for robots", "text")),  # type: ignore[arg-type]
 }
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rigcal.errors import RigcalError
     from rigcal.estimation import calibrate
     from rigcal.evaluation import Evaluation, evaluate
+    from rigcal.exporting import export, write_export
     from rigcal.graph.method import Method
     from rigcal.observation import Observation
     from rigcal.observation_file import load_observations, save_observations
@@ -45,12 +46,14 @@ _HOME = {
     "calibrate": "estimation",
     "detect": "detection",
     "evaluate": "evaluation",
+    "export": "exporting",
     "load_calibration": "calibration_file",
     "load_observations": "observation_file",
     "load_rig": "rig",
     "parse_rig": "rig",
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
+    "write_export": "exporting",
     "write_report": "report",
     "write_target_page": "printing",
 }
@@ -68,12 +71,14 @@ __all__ = [
     "calibrate",
     "detect",
     "evaluate",
+    "export",
     "load_calibration",
     "load_observations",
     "load_rig",
     "parse_rig",
     "save_calibration",
     "save_observations",
+    "write_export",
     "write_report",
     "write_target_page",
 ]

@@ -15,7 +15,7 @@ from rigcal.plugin.answers import check_detection
 from rigcal.plugin.contract import SensorConfig, SensorType
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
-from rigcal.recording import Message, open_recording
+from rigcal.recording import Message, RecordingFormat, open_recording
 from rigcal.rig import Rig, build_targets
 from rigcal.targets.target import Target
 
@@ -26,6 +26,7 @@ _log = logging.getLogger(__name__)
 @dataclass(frozen=True, eq=False)
 class _Task:
     recording: Path
+    formats: tuple[RecordingFormat, ...]
     sensor: str
     config: SensorConfig
     kind: SensorType
@@ -73,8 +74,8 @@ def detect(
 
 def _tasks(rig: Rig, registry: Registry, recording: Path) -> list[_Task]:
     targets = build_targets(rig, registry)
-    tasks = []
-    with open_recording(recording) as opened:
+    formats, tasks = tuple(registry.recording_formats.values()), []
+    with open_recording(recording, formats=formats) as opened:
         for name, config in rig.sensors.items():
             kind, target = registry.sensor_type(config.type), targets[rig.target_of(name)]
             try:
@@ -83,7 +84,7 @@ def _tasks(rig: Rig, registry: Registry, recording: Path) -> list[_Task]:
                 raise RecordingError(f"sensor '{name}': {error}") from error
             for first in range(0, count, _FRAMES_PER_TASK):
                 stop = min(first + _FRAMES_PER_TASK, count)
-                tasks.append(_Task(recording, name, config, kind, target, first, stop))
+                tasks.append(_Task(recording, formats, name, config, kind, target, first, stop))
     return tasks
 
 
@@ -101,7 +102,8 @@ def _run(tasks: Sequence[_Task], jobs: int) -> Iterable[list[_DetectedFrame]]:
 def _detect_frames(task: _Task) -> list[_DetectedFrame]:
     """One slice of one sensor's stream (runs in a worker process)."""
     frames = []
-    with open_recording(task.recording, task.kind.message_definitions) as recording:
+    definitions = task.kind.message_definitions
+    with open_recording(task.recording, definitions, task.formats) as recording:
         messages = recording.read(task.config.source, task.first, task.stop)
         for index, message in enumerate(messages, start=task.first):
             stamp = FrameStamp(task.sensor, message.stamp_ns, message.exposure, index)

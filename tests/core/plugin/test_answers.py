@@ -10,7 +10,8 @@ import pytest
 
 from rigcal.errors import ObservationError
 from rigcal.observation import Candidate, Detection, LineGeometry, PointGeometry
-from rigcal.plugin.answers import check_detection
+from rigcal.plugin.answers import check_detection, checked_fiducials
+from rigcal.targets.checkerboard import CheckerboardConfig, build_checkerboard
 
 POINT = PointGeometry(np.ones(3), np.eye(3), np.zeros(3))
 GOOD = Candidate(POINT, {"range": np.array(1.0)})
@@ -47,3 +48,26 @@ def test_what_is_wrong_is_named(answer: Any, complaint: str) -> None:
     found = Detection((GOOD, answer)) if isinstance(answer, Candidate) else answer
     with pytest.raises(ObservationError, match=complaint):
         check_detection(found)
+
+
+BOARD = build_checkerboard("board", CheckerboardConfig(columns=3, rows=2, square_size_m=0.1))
+
+
+def test_fiducials_of_a_target_pass_as_arrays() -> None:
+    index, uv = checked_fiducials(BOARD, ([5, 0], [[1, 2], [3, 4]]))
+    assert (index.tolist(), uv.tolist()) == ([5, 0], [[1.0, 2.0], [3.0, 4.0]])
+    assert checked_fiducials(BOARD, ([], np.zeros((0, 2))))[1].shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("found", "complaint"),
+    [
+        (None, r"`find` of target 'board' answered nothing, expected \(indices, pixels\)"),
+        ((np.arange(2), np.zeros((3, 2))), r"shapes \(2,\) and \(3, 2\), expected"),
+        (([6], [[1.0, 2.0]]), "answered indices 6 to 6, but the target has 6 points"),
+        (([0], [[1.0, np.nan]]), "answered a pixel that is not finite"),
+    ],
+)
+def test_nonsense_of_a_target_is_named(found: object, complaint: str) -> None:
+    with pytest.raises(ObservationError, match=complaint):
+        checked_fiducials(BOARD, found)

@@ -12,9 +12,18 @@ from typing import Any, Literal
 import pytest
 
 from rigcal.errors import PluginError
+from rigcal.exporting import BUILTIN_EXPORTERS
 from rigcal.observation import Detection
-from rigcal.plugin import Registry, SensorConfig, SensorType, hookimpl
+from rigcal.plugin import (
+    Exporter,
+    RecordingFormat,
+    Registry,
+    SensorConfig,
+    SensorType,
+    hookimpl,
+)
 from rigcal.plugin.offer import HOOKS
+from rigcal.recording.folder import FolderRecording
 from rigcal.targets import BUILTIN_TARGETS, Target, TargetConfig, TargetType
 
 
@@ -42,8 +51,18 @@ def _ping() -> None:
     """Ping."""
 
 
+def _turn(angle: object) -> None:
+    """Turn."""
+
+
+# Typical: a name that is imported for type checkers only.
+_turn.__annotations__["angle"] = "Angle"
+
+
 SONAR = SensorType("sonar", SonarConfig, (".csv",), _decode, _detect)
 DISC = TargetType("disc", DiscConfig, _build)
+TAPE = RecordingFormat("tape", bool, FolderRecording)  # type: ignore[arg-type]
+LIST = Exporter("list", "names", lambda calibration, rig: ", ".join(calibration.sensors))
 UNBUILT = TargetType("disc", DiscConfig, 1)  # type: ignore[arg-type]
 
 
@@ -74,6 +93,20 @@ def test_rigcal_target_types_are_collected_beside_the_built_in_ones() -> None:
     registry = Registry([_plugin("rigcal_target_types", [DISC])])
     assert registry.target_type("disc") is DISC
     assert set(registry.target_types) == {"disc", *(t.name for t in BUILTIN_TARGETS)}
+
+
+def test_rigcal_recording_formats_are_collected_beside_the_built_in_ones() -> None:
+    registry = Registry([_plugin("rigcal_recording_formats", [TAPE])])
+    assert list(registry.recording_formats) == ["bag", "folder", "tape"]
+    assert registry.plugins[1].offers == "recording format tape"
+
+
+def test_rigcal_exporters_are_collected_beside_the_built_in_ones() -> None:
+    registry = Registry([_plugin("rigcal_exporters", [LIST])])
+    assert registry.exporter("list") is LIST
+    assert set(registry.exporters) == {"list", *(e.name for e in BUILTIN_EXPORTERS)}
+    with pytest.raises(PluginError, match=r"no exporter 'lits', did you mean 'list'\?"):
+        registry.exporter("lits")
 
 
 def test_rigcal_commands_are_collected() -> None:
@@ -121,7 +154,13 @@ class _Untyped(SensorConfig, frozen=True):
         (_sonar(detect=None), "detect is None, not a function"),
         (_sonar(residual=3), "residual is 3, not a function"),
         (_plugin("rigcal_target_types", [UNBUILT]), "build is 1, not a function"),
+        (_plugin("rigcal_recording_formats", [_ping]), "expected a RecordingFormat"),
+        (_plugin("rigcal_recording_formats", [replace(TAPE, open=".clf")]), "open is '.clf', not"),
+        (_plugin("rigcal_exporters", [LIST.text]), "expected an Exporter"),
+        (_plugin("rigcal_exporters", [replace(LIST, name="My list")]), "'My list': a name has"),
+        (_plugin("rigcal_exporters", [replace(LIST, text="a, b")]), "text is 'a, b', not a func"),
         (_plugin("rigcal_commands", [_ping]), "rigcal_commands offers"),
+        (_plugin("rigcal_commands", [("turn", _turn)]), "NameError: name 'Angle' is not defined"),
         (_plugin("rigcal_schemas", [("notes", 1)]), "expected (name, function)"),
     ],
 )

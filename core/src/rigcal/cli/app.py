@@ -14,6 +14,7 @@ from rigcal import __version__
 from rigcal.cli.calibrate import calibrate
 from rigcal.cli.detect import detect
 from rigcal.cli.evaluate import evaluate
+from rigcal.cli.export import export
 from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
 from rigcal.cli.target import target
@@ -24,6 +25,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "detect": detect,
     "calibrate": calibrate,
     "evaluate": evaluate,
+    "export": export,
     "target": target,
     "plugins": plugins,
     "schema": schema,

@@ -21,7 +21,10 @@ def plugins(json: Json = False) -> None:
                 "broken": [asdict(broken) for broken in registry.broken],
                 "sensor_types": sorted(registry.sensor_types),
                 "target_types": sorted(registry.target_types),
+                "recording_formats": sorted(registry.recording_formats),
+                "exporters": sorted(registry.exporters),
                 "commands": sorted(registry.commands),
+                "schemas": sorted(registry.schemas),
             }
         )
         return

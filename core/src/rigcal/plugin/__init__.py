@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 from rigcal.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
+    from rigcal.calibration import Calibration
     from rigcal.errors import ObservationError, RecordingError
+    from rigcal.exporting.exporter import Exported, Exporter
     from rigcal.geometry.se3 import Array
     from rigcal.observation import (
         Candidate,
@@ -31,13 +33,18 @@ if TYPE_CHECKING:
         SensorType,
         StackableResidual,
     )
+    from rigcal.plugin.offer import Command, FileSchema
     from rigcal.plugin.registry import BrokenPlugin, Plugin, Registry
-    from rigcal.recording.message import Message
+    from rigcal.recording.format import RecordingFormat
+    from rigcal.recording.message import Definitions, Message, Recording, Source
+    from rigcal.rig import Rig
     from rigcal.scene import Scene
-    from rigcal.targets import Target, TargetConfig, TargetType
+    from rigcal.targets import Patch, Target, TargetConfig, TargetType
 
 _HOMES = {
+    "calibration": ("Calibration",),
     "errors": ("ObservationError", "RecordingError"),
+    "exporting.exporter": ("Exported", "Exporter"),
     "geometry.se3": ("Array",),
     "observation": (
         "Candidate",
@@ -47,10 +54,13 @@ _HOMES = {
         "PointGeometry",
         "PoseGeometry",
     ),
+    "plugin.offer": ("Command", "FileSchema"),
     "plugin.registry": ("BrokenPlugin", "Plugin", "Registry"),
-    "recording.message": ("Message",),
+    "recording.format": ("RecordingFormat",),
+    "recording.message": ("Definitions", "Message", "Recording", "Source"),
+    "rig": ("Rig",),
     "scene": ("Scene",),
-    "targets": ("Target", "TargetConfig", "TargetType"),
+    "targets": ("Patch", "Target", "TargetConfig", "TargetType"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -58,24 +68,35 @@ __all__ = [
     "CONTRACT_VERSION",
     "Array",
     "BrokenPlugin",
+    "Calibration",
     "Candidate",
+    "Command",
+    "Definitions",
     "Detection",
     "Effects",
+    "Exported",
+    "Exporter",
+    "FileSchema",
     "FrameView",
     "LineGeometry",
     "Message",
     "ObservationError",
+    "Patch",
     "PlaneGeometry",
     "Plugin",
     "PointGeometry",
     "PoseConfig",
     "PoseGeometry",
+    "Recording",
     "RecordingError",
+    "RecordingFormat",
     "Registry",
     "Residual",
+    "Rig",
     "Scene",
     "SensorConfig",
     "SensorType",
+    "Source",
     "StackableResidual",
     "Target",
     "TargetConfig",

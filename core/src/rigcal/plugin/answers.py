@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigcal.errors import ObservationError
 from rigcal.geometry.se3 import Array
@@ -19,6 +20,7 @@ from rigcal.observation import (
     PoseGeometry,
 )
 from rigcal.plugin.contract import Residual
+from rigcal.targets.target import Target
 
 _SHAPES: dict[type, dict[str, tuple[int, ...]]] = {
     PoseGeometry: {"T_s_t": (4, 4), "covariance": (6, 6)},
@@ -37,6 +39,29 @@ def check_detection(found: object) -> None:
             _check_candidate(candidate)
         except ObservationError as error:
             raise ObservationError(f"candidate {number}: {error}") from None
+
+
+def checked_fiducials(target: Target, found: object) -> tuple[NDArray[np.int64], Array]:
+    """What `target.find` answered, as point indices (M,) and pixels (M, 2).
+
+    ObservationError if it is something else, not finite, or names points that do not exist.
+    """
+    where = f"`find` of target '{target.name}'"
+    if not (isinstance(found, tuple) and len(found) == 2):
+        raise ObservationError(f"{where} answered {_kind(found)}, expected (indices, pixels)")
+    index, uv = np.asarray(found[0], np.int64), np.asarray(found[1], np.float64)
+    if index.ndim != 1 or uv.shape != (len(index), 2):
+        raise ObservationError(
+            f"{where} answered shapes {index.shape} and {uv.shape}, expected (M,) and (M, 2)"
+        )
+    if len(index) and not (index.min() >= 0 and index.max() < len(target.points)):
+        raise ObservationError(
+            f"{where} answered indices {index.min()} to {index.max()}, but the target has "
+            f"{len(target.points)} points"
+        )
+    if not np.isfinite(uv).all():
+        raise ObservationError(f"{where} answered a pixel that is not finite")
+    return index, uv
 
 
 def check_residual(residual: Residual, r: Array, J: Array) -> None:

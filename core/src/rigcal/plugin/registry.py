@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from rigcal.errors import PluginError
 from rigcal.plugin.hookspecs import hookimpl
-from rigcal.plugin.offer import HOOKS, Offer, collect
+from rigcal.plugin.offer import HOOKS, KINDS, Offer, collect, in_words
 
 if TYPE_CHECKING:
+    from rigcal.exporting.exporter import Exporter
     from rigcal.plugin.contract import SensorType
+    from rigcal.recording.format import RecordingFormat
     from rigcal.targets.target import TargetType
 
 GROUP = DISTRIBUTION = "rigcal"
@@ -65,6 +67,18 @@ class _Builtin:
 
         return BUILTIN_TARGETS
 
+    @hookimpl
+    def rigcal_recording_formats(self) -> tuple[RecordingFormat, ...]:
+        from rigcal.recording.open import BUILTIN_FORMATS
+
+        return BUILTIN_FORMATS
+
+    @hookimpl
+    def rigcal_exporters(self) -> tuple[Exporter, ...]:
+        from rigcal.exporting import BUILTIN_EXPORTERS
+
+        return BUILTIN_EXPORTERS
+
 
 class _Table(Generic[_T]):
     """Named offers of one kind; a name that two plugins offer belongs to neither."""
@@ -92,12 +106,12 @@ class _Table(Generic[_T]):
 
 
 class Registry:
-    """Sensor types, target types, commands and file schemas of the installed plugins.
+    """What the installed plugins offer: sensor and target types, recording formats, exporters, ...
 
     `Registry(plugins)` takes modules or objects with hooks and raises PluginError if one is
     wrong. `Registry.from_entry_points()` takes what is installed; a plugin that is wrong is left
     out, listed in `broken`, and named when something is asked for that it may have offered.
-    Core's own target types are always there. Threads and processes may share it.
+    What core itself offers is always there. Threads and processes may share it.
     """
 
     def __init__(self, plugins: Iterable[object] = ()) -> None:
@@ -119,10 +133,7 @@ class Registry:
         return registry
 
     def _collect(self, installed: list[_Installed], hooks: Collection[str]) -> None:
-        self._sensors: _Table[SensorType] = _Table("sensor type")
-        self._targets: _Table[TargetType] = _Table("target type")
-        self._commands: _Table[Callable[..., Any]] = _Table("command")
-        self._schemas: _Table[Callable[..., dict[str, Any]]] = _Table("schema")
+        self._tables: dict[str, _Table[Any]] = {hook: _Table(kind) for hook, kind in KINDS.items()}
         self._plugins: list[Plugin] = []
         self._broken: list[BrokenPlugin] = []
         builtin = _Installed("built in", DISTRIBUTION, version(DISTRIBUTION), _Builtin)
@@ -144,33 +155,44 @@ class Registry:
 
     def _take(self, one: _Installed, offer: Offer) -> None:
         owner = f"'{one.name}' of {_label(one.distribution, one.version)}"
-        complaints = [self._sensors.add(s.name, s, owner) for s in offer.sensor_types]
-        complaints += [self._targets.add(t.name, t, owner) for t in offer.target_types]
-        complaints += [self._commands.add(name, run, owner) for name, run in offer.commands]
-        complaints += [self._schemas.add(name, make, owner) for name, make in offer.schemas]
-        self._plugins.append(Plugin(one.name, one.distribution, one.version, str(offer)))
+        complaints = [
+            self._tables[hook].add(item.name, item, owner)
+            for hook, items in offer.items()
+            for item in items
+        ]
+        self._plugins.append(Plugin(one.name, one.distribution, one.version, in_words(offer)))
         for complaint in filter(None, complaints):
             self._leave_out(one, complaint, _CLASH)
 
     @property
     def sensor_types(self) -> Mapping[str, SensorType]:
         """By name."""
-        return dict(self._sensors.entries)
+        return dict(self._tables["rigcal_sensor_types"].entries)
 
     @property
     def target_types(self) -> Mapping[str, TargetType]:
         """By name."""
-        return dict(self._targets.entries)
+        return dict(self._tables["rigcal_target_types"].entries)
+
+    @property
+    def recording_formats(self) -> Mapping[str, RecordingFormat]:
+        """By name, the built-in ones first."""
+        return dict(self._tables["rigcal_recording_formats"].entries)
+
+    @property
+    def exporters(self) -> Mapping[str, Exporter]:
+        """By name, the built-in ones first."""
+        return dict(self._tables["rigcal_exporters"].entries)
 
     @property
     def commands(self) -> Mapping[str, Callable[..., Any]]:
         """Functions with typer annotations, by the command's name."""
-        return dict(self._commands.entries)
+        return {c.name: c.run for c in self._tables["rigcal_commands"].entries.values()}
 
     @property
     def schemas(self) -> Mapping[str, Callable[..., dict[str, Any]]]:
         """Functions (registry) -> JSON Schema, by the name of the file described."""
-        return dict(self._schemas.entries)
+        return {s.name: s.make for s in self._tables["rigcal_schemas"].entries.values()}
 
     @property
     def plugins(self) -> tuple[Plugin, ...]:
@@ -184,13 +206,21 @@ class Registry:
 
     def sensor_type(self, name: str) -> SensorType:
         """The sensor type of that name; PluginError with what is installed and the nearest name."""
-        return self._get(self._sensors, name)
+        found: SensorType = self._get("rigcal_sensor_types", name)
+        return found
 
     def target_type(self, name: str) -> TargetType:
         """The target type of that name; PluginError with what is installed and the nearest name."""
-        return self._get(self._targets, name)
+        found: TargetType = self._get("rigcal_target_types", name)
+        return found
 
-    def _get(self, table: _Table[_T], name: str) -> _T:
+    def exporter(self, name: str) -> Exporter:
+        """The exporter of that name; PluginError with what is installed and the nearest name."""
+        found: Exporter = self._get("rigcal_exporters", name)
+        return found
+
+    def _get(self, hook: str, name: str) -> Any:
+        table = self._tables[hook]
         if name in table.entries:
             return table.entries[name]
         if conflict := table.conflict(name):

@@ -1,6 +1,14 @@
 """Messages of bags and folders, streamed; and the writer."""
 
+from rigcal.recording.format import RecordingFormat
 from rigcal.recording.message import Message, Recording, Source
-from rigcal.recording.open import open_recording
+from rigcal.recording.open import BUILTIN_FORMATS, open_recording
 
-__all__ = ["Message", "Recording", "Source", "open_recording"]
+__all__ = [
+    "BUILTIN_FORMATS",
+    "Message",
+    "Recording",
+    "RecordingFormat",
+    "Source",
+    "open_recording",
+]

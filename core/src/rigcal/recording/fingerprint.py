@@ -15,8 +15,9 @@ def fingerprint(path: Path | str, sources: Iterable[Source] = ()) -> str:
     """`sha256:...` of a file (a recording, a rig, a file of observations) or of a folder.
 
     A file: over its content. A folder: over name, size and content, in the order of their names,
-    of the files that the sources match; of all its files if no sources are given or if it is a
-    ROS 2 bag. RecordingError when it cannot be read or when a source matches nothing.
+    of the files that the sources match; of all its files if no sources are given, if one of them
+    has no `files`, or if it is a ROS 2 bag. RecordingError when it cannot be read or when a source
+    matches nothing.
     """
     path = Path(path)
     digest = hashlib.sha256()
@@ -36,7 +37,7 @@ def fingerprint(path: Path | str, sources: Iterable[Source] = ()) -> str:
 
 def _files(root: Path, sources: tuple[Source, ...]) -> dict[str, Path]:
     """Name relative to `root` -> file."""
-    if sources and not is_bag_folder(root):
+    if sources and all(s.files for s in sources) and not is_bag_folder(root):
         from rigcal.recording.folder import FolderRecording
 
         folder = FolderRecording(root)

@@ -11,6 +11,7 @@ from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection, PoseGeometry
+from rigcal.plugin.answers import checked_fiducials
 from rigcal.targets.target import Target
 from rigcal_camera.chess import find_charuco_corners, find_checkerboard_corners
 from rigcal_camera.config import CameraConfig
@@ -70,8 +71,7 @@ def detect(image: Image, config: CameraConfig, target: Target) -> Detection:
 
 def _find(image: Image, target: Target, lens: Lens) -> Corners:
     if target.find is not None:
-        index, uv = target.find(image)
-        return Corners(np.asarray(index, dtype=np.int64), np.asarray(uv, dtype=np.float64))
+        return Corners(*checked_fiducials(target, target.find(image)))
     kind = target.config.type
     if "tag_corners" in target.groups:
         finder: Finder = find_tag_corners

@@ -1,0 +1,135 @@
+"""Runs the code blocks of a page as its reader would: files, commands and Python, in order."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shlex
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from rigcal.cli import main
+
+ROOT = Path(__file__).parents[2]
+_FENCE = re.compile(r"^( *)```(\w*)(?: title=\"([^\"]+)\")?\n(.*?)^\1```$", re.M | re.S)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced code block: what it is, the file that it belongs to, if any, and its text."""
+
+    language: str
+    title: str
+    text: str
+    where: str
+
+
+def blocks_of(page: Path) -> list[Block]:
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for match in _FENCE.finditer(text):
+        indent, language, title, body = match.groups()
+        body = "\n".join(line.removeprefix(indent) for line in body.split("\n"))
+        line = text.count("\n", 0, match.start()) + 1
+        found.append(Block(language, title or "", body, f"{page.name}:{line}"))
+    return found
+
+
+class Desk:
+    """A folder, the names of the Python blocks run so far, and what was printed."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.folder, self._capsys = folder, capsys
+        self.names: dict[str, Any] = {"__name__": "__page__"}
+        self.printed = ""
+
+    def follow(self, page: Path) -> Desk:
+        """Do what the page says."""
+        for block in blocks_of(page):
+            if block.title:
+                self._write(block)
+            elif block.language == "python":
+                exec(compile(block.text, block.where, "exec"), self.names)
+                self.printed += self._capsys.readouterr().out
+            elif block.language == "bash":
+                for line in block.text.replace("\\\n", " ").splitlines():
+                    self.run(line.partition(" #")[0].strip(), block.where)
+            elif block.language == "yaml":
+                yaml.safe_load(block.text)
+            elif block.language == "toml":
+                tomllib.loads(block.text)
+            else:
+                assert block.language == "text", f"{block.where}: '{block.language}'"
+        return self
+
+    def write(self, page: Path) -> None:
+        """Only make the files of the page."""
+        for block in blocks_of(page):
+            if block.title:
+                self._write(block)
+
+    def _write(self, block: Block) -> None:
+        path = self.folder / block.title
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(block.text, encoding="utf-8")
+
+    def run(self, line: str, where: str = "") -> None:
+        """A line of a shell; what is printed is added to `printed`."""
+        match shlex.split(line):
+            case []:
+                return
+            case ["pip", "install", *folders]:
+                for folder in folders:
+                    self.install(self.folder / folder.partition("[")[0])
+            case ["rigcal", *arguments]:
+                with pytest.raises(SystemExit) as caught:
+                    main(arguments)
+                output = self._capsys.readouterr()
+                assert caught.value.code == 0, f"{where}: {line}\n{output.err}"
+                self.printed += output.out
+            case ["python", script, *arguments]:
+                with pytest.MonkeyPatch.context() as patch:
+                    patch.setattr(sys, "argv", [script, *arguments])
+                    runpy.run_path(str(self.folder / script), run_name="__main__")
+                self.printed += self._capsys.readouterr().out
+            case _:
+                raise AssertionError(f"{where}: cannot run {line!r}")
+
+    def install(self, project: Path) -> None:
+        """What `pip install --editable` does, but for dependencies."""
+        about = tomllib.loads((project / "pyproject.toml").read_text())["project"]
+        source = project / "src"
+        info = source / f"{about['name'].replace('-', '_')}-{about['version']}.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {about['name']}\nVersion: {about['version']}\n"
+        )
+        entries = about["entry-points"]["rigcal"].items()
+        lines = "".join(f"{name} = {module}\n" for name, module in entries)
+        (info / "entry_points.txt").write_text(f"[rigcal]\n{lines}")
+        sys.path.insert(0, str(source))
+
+
+@pytest.fixture
+def desk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Desk]:
+    """An empty folder to follow a page in; what it installs is gone afterwards."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield Desk(tmp_path, capsys)
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", "")).startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+@pytest.fixture(scope="session")
+def page() -> Callable[[str], Path]:
+    return lambda name: ROOT / "docs" / name

@@ -33,8 +33,8 @@ def detect(cloud: Cloud, config: Lrf3dConfig, target: Target) -> Detection:
     scales, size = Scales.of(target.size, config.noise), target.size
     if len(cloud.points) < _MIN_POINTS:
         return Detection((), reason=f"the cloud has {len(cloud.points)} returns, too few")
-    grid = segment.voxel_grid(cloud.points, scales.voxel)
-    regions = segment.flat_regions(grid, scales)
+    grid, count = segment.voxel_grid(cloud.points, scales.voxel)
+    regions = segment.flat_regions(grid, count, scales)
     tried = [_candidate(cloud.points, grid, region, size, scales, config) for region in regions]
     found = sorted((c for c in tried if isinstance(c, Candidate)), key=lambda c: -c.score)
     if found:

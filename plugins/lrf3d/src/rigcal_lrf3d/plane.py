@@ -55,6 +55,15 @@ def range_errors(points: Array, n: Array, d: float) -> tuple[Array, Array]:
     return ranges + d / cosine, cosine
 
 
+def sigma_on(points: Array, n: Array, d: float, noise: RangeNoise) -> Array:
+    """(N,) noise (m) of the ranges at which the beams to points (N, 3) meet a plane.
+
+    At the expected range: the noise of the measured one would favour returns that are too near.
+    """
+    error, cosine = range_errors(points, n, d)
+    return noise.on_plane(np.abs(np.linalg.norm(points, axis=1) - error), cosine)
+
+
 def beam_feet(points: Array, n: Array, d: float) -> Array:
     """(N, 3) where the beams from the origin to points (N, 3) meet a plane.
 
@@ -80,7 +89,7 @@ def fit(points: Array, n: Array, d: float, noise: RangeNoise, cell: float) -> Pl
             return None
         n, d, center, covariance, rms = _step(points[inliers], n, d, noise)
         error, cosine = range_errors(points, n, d)
-        whitened = error / noise.on_plane(ranges, cosine)
+        whitened = error / sigma_on(points, n, d, noise)
         scale = np.clip(1.4826 * np.median(np.abs(whitened[inliers])), 1.0, _MAX_SCALE)
         previous, near = inliers, (np.abs(whitened) < _TRIM * scale) & (np.abs(cosine) > _GRAZING)
         inliers = near.copy()
@@ -105,9 +114,8 @@ def _step(
     the plane.
     """
     error, cosine = range_errors(points, n, d)
-    ranges, directions = beams(points)
-    sigma = noise.on_plane(ranges, cosine)
-    q = points - error[:, None] * directions
+    sigma = sigma_on(points, n, d, noise)
+    q = points - error[:, None] * beams(points)[1]
     center = points.mean(axis=0)
     center = center - (n @ center + d) * n
     basis = tangent_basis(n)

@@ -12,7 +12,7 @@ from rigcal.plugin.contract import Residual
 from rigcal.residual import beam_residual
 from rigcal.targets.target import Target
 from rigcal_lrf3d.config import Lrf3dConfig
-from rigcal_lrf3d.plane import beams, range_errors
+from rigcal_lrf3d.plane import beams, range_errors, sigma_on
 
 
 def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Residual:
@@ -29,14 +29,13 @@ def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Resid
         )
     n, d = geometry.normal, geometry.d
     ranges, directions = beams(points)
-    cosine = directions @ n
-    sigma = config.noise.on_plane(ranges, cosine)
+    sigma = sigma_on(points, n, d, config.noise)
     if config.beams_start_at_sensor:
         return beam_residual(directions, ranges, sigma, n, d)
     # A beam of unit length that falls on the plane along its normal measures the distance.
     down = np.broadcast_to(-n, points.shape)
     return beam_residual(
-        down, np.ones(len(points)), sigma * np.abs(cosine), n, d, origins=points + n
+        down, np.ones(len(points)), sigma * np.abs(directions @ n), n, d, origins=points + n
     )
 
 

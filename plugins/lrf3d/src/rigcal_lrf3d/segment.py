@@ -17,6 +17,8 @@ from rigcal.ranging import RangeNoise
 from rigcal_lrf3d.open3d_import import open3d
 
 _ALIKE = float(np.cos(np.radians(20)))
+_GRAZING = float(np.sin(np.radians(8)))
+"""Mixed pixels hang like curtains along the beams from a board's edge to what is behind it."""
 
 
 @dataclass(frozen=True)
@@ -68,25 +70,36 @@ class Scales:
         return np.maximum(2.0 * self.noise.of(ranges), 0.03 * self.short)
 
 
-def voxel_grid(points: Array, voxel: float) -> Array:
-    """(M, 3) means of the points (N, 3) in each cell of `voxel` metres, in a fixed order."""
-    cloud = _cloud(points).voxel_down_sample(voxel)
-    grid = np.asarray(cloud.points)
-    return grid[np.lexsort(grid.T)]
+def voxel_grid(points: Array, voxel: float) -> tuple[Array, NDArray[np.int64]]:
+    """Means (M, 3) and numbers (M,) of the points (N, 3) in each cell of `voxel` metres.
+
+    In a fixed order.
+    """
+    cells = np.floor((points - points.min(axis=0)) / voxel + 0.5).astype(np.int64)
+    order = np.lexsort(cells.T)
+    starts = np.flatnonzero(np.any(np.diff(cells[order], axis=0, prepend=-1), axis=1))
+    count = np.diff(starts, append=len(points))
+    sums = np.add.reduceat(points[order], starts)
+    return sums / count[:, None], count
 
 
-def flat_regions(grid: Array, scales: Scales, minimum: int = 6) -> list[NDArray[np.int64]]:
-    """Index arrays into `grid` (M, 3): connected flat regions of at least `minimum` points.
+def flat_regions(
+    grid: Array, count: NDArray[np.int64], scales: Scales, minimum: int = 6
+) -> list[NDArray[np.int64]]:
+    """Connected flat regions of at least `minimum` points, as index arrays into `grid`.
 
-    Two points belong together when both have flat, two-dimensional neighbourhoods, they are
-    closer than `reach`, their normals agree to 20 degrees, and each lies in the other's plane.
+    `grid` (M, 3) are the cells of a cloud, `count` (M,) the points in each. Two cells belong
+    together when both have flat, two-dimensional neighbourhoods that the beams from the origin do
+    not graze, they are closer than `reach`, their normals agree to 20 degrees, and each lies in the
+    other's plane.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     i, j = cKDTree(grid).query_pairs(scales.radius, output_type="ndarray").T
-    n, flat = _normals(grid, i, j, scales)
+    n, flat = _normals(grid, count, i, j, scales)
+    flat &= np.abs(np.sum(n * grid, axis=1)) > _GRAZING * np.linalg.norm(grid, axis=1)
     delta = grid[j] - grid[i]
     alike = flat[i] & flat[j] & (np.einsum("ij,ij->i", delta, delta) < scales.reach**2)
     i, j, delta = i[alike], j[alike], delta[alike]
@@ -116,11 +129,16 @@ def _cloud(points: Array) -> Any:
 
 
 def _normals(
-    grid: Array, i: NDArray[np.int64], j: NDArray[np.int64], scales: Scales
+    grid: Array,
+    weights: NDArray[np.int64],
+    i: NDArray[np.int64],
+    j: NDArray[np.int64],
+    scales: Scales,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Normals (M, 3) by principal components, and which neighbourhoods are flat but not thin.
 
-    The neighbours are the pairs (i, j), each given once.
+    The neighbours are the pairs (i, j), each given once. By their weights (M,) a few stray
+    returns near a dense board do not spoil its flatness.
     """
     from scipy.sparse import coo_array
 
@@ -131,6 +149,7 @@ def _normals(
     moments = np.column_stack(
         [np.ones(count), p, p[:, [0, 0, 0, 1, 1, 2]] * p[:, [0, 1, 2, 1, 2, 2]]]
     )
+    moments *= weights[:, None]
     sums = pairs @ moments + moments
     mean = sums[:, 1:4] / sums[:, :1]
     second = (sums[:, 4:] / sums[:, :1])[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)

@@ -32,6 +32,10 @@ def test_importing_it_imports_nothing_heavy() -> None:
     [
         ({"angle_min_deg": 10, "angle_max_deg": -10}, "up to 360 degrees upwards"),
         ({"angle_min_deg": -200, "angle_max_deg": 200}, "up to 360 degrees upwards"),
+        (
+            {"angle_min_deg": -10, "angle_max_deg": 10, "angle_step_deg": 30},
+            "angle_step_deg 30 leaves one beam in a scan of 20 degrees; make it smaller",
+        ),
         ({"range_min_m": 5, "range_max_m": 4}, "range_min_m 5 is not below range_max_m 4"),
         ({"filter": {"ring": [9, 8]}}, "from 9 to 8"),
         ({"sigma_m": 0}, "greater than 0"),

@@ -99,3 +99,24 @@ def test_observing_equals_detecting_the_target_alone(world) -> None:
     observed = observe(T_s_t, world.config, world.target, np.random.default_rng(6))
     assert observed is not None
     np.testing.assert_array_equal(best.measurement["ranges"], observed.measurement["ranges"])
+
+
+def test_noise_that_grows_with_the_range_is_whitened(world) -> None:
+    """Boards from 1 to 10 m away; their residuals at the truth are chi-square distributed."""
+    config = world.config.model_copy(update={"sigma_m": 0.003, "sigma_per_m": 0.006})
+    chi2, dof, errors = 0.0, 0, []
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        T_s_t = world.pose(rng)
+        T_s_t[:3, 3] *= 1 + seed % 3
+        candidate = observe(T_s_t, config, world.target, rng)
+        if candidate is None:
+            continue
+        residual = LRF2D.residual(candidate, config, world.target)
+        r, _ = residual(T_s_t)
+        chi2, dof = chi2 + float(r @ r), dof + residual.dof
+        e = LRF2D.errors(candidate, config, world.target, T_s_t)
+        errors.append(e / config.noise.of(candidate.measurement["ranges"] - e))
+    assert dof > 200
+    assert chi2 / dof == pytest.approx(1, abs=4 * np.sqrt(2 / dof))
+    assert np.std(np.concatenate(errors)) == pytest.approx(1, abs=0.03)

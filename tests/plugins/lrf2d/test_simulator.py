@@ -5,6 +5,7 @@ import pytest
 
 from rigcal.errors import ConfigError, RecordingError
 from rigcal.geometry import se3
+from rigcal.ranging import RangeEffects
 from rigcal.recording.message import Message
 from rigcal.scene import Scene
 from rigcal_lrf2d import LRF2D, Lrf2dConfig, Scan
@@ -105,3 +106,19 @@ def test_a_scan_with_a_missing_step_cannot_be_a_message(world) -> None:
 
 def rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
+
+
+def test_effects_of_the_scenario_spoil_the_scan(world) -> None:
+    scene = Scene(world.target, FACING)
+    clean = LRF2D.simulate(np.eye(4), scene, world.config, rng(3))
+    spoilt = LRF2D.simulate(
+        np.eye(4), scene, world.config, rng(3), RangeEffects(bias_m=0.05, dropout=0.25)
+    )
+    assert issubclass(LRF2D.effects, RangeEffects)
+    kept = spoilt.valid
+    assert 0.6 < kept.sum() / clean.valid.sum() < 0.9
+    np.testing.assert_allclose(spoilt.ranges[kept] - clean.ranges[kept], 0.05)
+    # Without noise nothing is perturbed, the angles neither.
+    wide = world.config.model_copy(update={"sigma_angle_deg": 1.0})
+    exact = LRF2D.simulate(np.eye(4), scene, wide, rng(3), RangeEffects(noise=0.0))
+    np.testing.assert_allclose(exact.ranges[exact.valid] * np.cos(exact.angles[exact.valid]), 2.0)

@@ -11,6 +11,8 @@ from rigcal_lrf3d.scans import DepthScan, MultibeamScan, RosetteScan, Scan, Spin
 
 Mask = NDArray[np.bool_]
 _ORIGIN = np.zeros(3)
+_SLACK = 1e-9
+"""Rounding of angles (rad) at the rim of a view."""
 
 
 def beams_of(scan: Scan, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -38,12 +40,12 @@ def reaches(scan: Scan, points: Array) -> Mask:
         case SpinningScan():
             return _in_turn(points, scan)
         case MultibeamScan():
-            elevation = np.degrees(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
-            low, high = min(scan.elevations_deg), max(scan.elevations_deg)
-            return np.asarray((elevation >= low) & (elevation <= high))
+            elevation = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1]))
+            low, high = np.radians([min(scan.elevations_deg), max(scan.elevations_deg)])
+            return np.asarray((elevation >= low - _SLACK) & (elevation <= high + _SLACK))
         case RosetteScan():
             off = np.arctan2(np.hypot(points[:, 1], points[:, 2]), points[:, 0])
-            return np.asarray(off <= np.radians(scan.fov_deg / 2))
+            return np.asarray(off <= np.radians(scan.fov_deg / 2) + _SLACK)
         case DepthScan():
             reach = np.array([scan.width_px, scan.height_px]) / 2 / scan.focal_px
             ahead = np.maximum(points[:, :1], 0.0)
@@ -125,5 +127,5 @@ def _in_turn(points: Array, scan: SpinningScan) -> Mask:
     for beam in (angle, -angle):
         at_rest = np.arctan2(np.sin(beam), np.sin(lean) * np.cos(beam))
         turn = (azimuth - at_rest + np.pi) % (2 * np.pi) - np.pi
-        seen |= (beam >= low) & (beam <= high) & (np.abs(turn) <= half)
-    return np.asarray(seen & (np.abs(cosine) <= 1))
+        seen |= (beam >= low - _SLACK) & (beam <= high + _SLACK) & (np.abs(turn) <= half + _SLACK)
+    return np.asarray(seen & (np.abs(cosine) <= 1 + _SLACK))

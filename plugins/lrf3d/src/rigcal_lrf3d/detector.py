@@ -20,6 +20,8 @@ MAX_CANDIDATES = 6
 _MIN_COVERAGE = 0.4
 _MIN_CONTAINMENT = 0.6
 _MIN_POINTS = 20
+_STRAY = 0.1
+"""Cells with less than this share of a region's usual points hold stray returns."""
 
 
 def detect(cloud: Cloud, config: Lrf3dConfig, target: Target) -> Detection:
@@ -35,7 +37,9 @@ def detect(cloud: Cloud, config: Lrf3dConfig, target: Target) -> Detection:
         return Detection((), reason=f"the cloud has {len(cloud.points)} returns, too few")
     grid, count = segment.voxel_grid(cloud.points, scales.voxel)
     regions = segment.flat_regions(grid, count, scales)
-    tried = [_candidate(cloud.points, grid, region, size, scales, config) for region in regions]
+    tried = [
+        _candidate(cloud.points, grid, count, region, size, scales, config) for region in regions
+    ]
     found = sorted((c for c in tried if isinstance(c, Candidate)), key=lambda c: -c.score)
     if found:
         return Detection(tuple(_distinct(found)[:MAX_CANDIDATES]))
@@ -45,6 +49,7 @@ def detect(cloud: Cloud, config: Lrf3dConfig, target: Target) -> Detection:
 def _candidate(
     points: Array,
     grid: Array,
+    count: NDArray[np.int64],
     region: NDArray[np.int64],
     size: Array,
     scales: Scales,
@@ -62,6 +67,7 @@ def _candidate(
         return "seen edge-on"
     near = np.flatnonzero(
         (np.abs(grid @ n + d) < thickness)
+        & (count > _STRAY * np.median(count[region]))
         & (np.linalg.norm(grid - grid[region].mean(axis=0), axis=1) < 2 * np.linalg.norm(size))
     )
     together = segment.connected(grid[near], np.isin(near, region), scales.reach)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,3 +72,26 @@ def definition_in() -> Any:
         return yaml.safe_load(match[0])[name]
 
     return parse
+
+
+@pytest.fixture(scope="session")
+def lay_out() -> Callable[[Path], Path]:
+    """What `pip install --editable` does to a project, but for its dependencies.
+
+    Returns the folder that must be on the path.
+    """
+
+    def run(project: Path) -> Path:
+        about = tomllib.loads((project / "pyproject.toml").read_text())["project"]
+        source = project / "src"
+        info = source / f"{about['name'].replace('-', '_')}-{about['version']}.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {about['name']}\nVersion: {about['version']}\n"
+        )
+        entries = about["entry-points"]["rigcal"].items()
+        lines = "".join(f"{name} = {module}\n" for name, module in entries)
+        (info / "entry_points.txt").write_text(f"[rigcal]\n{lines}")
+        return source
+
+    return run

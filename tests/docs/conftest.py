@@ -45,8 +45,13 @@ def blocks_of(page: Path) -> list[Block]:
 class Desk:
     """A folder, the names of the Python blocks run so far, and what was printed."""
 
-    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        self.folder, self._capsys = folder, capsys
+    def __init__(
+        self,
+        folder: Path,
+        capsys: pytest.CaptureFixture[str],
+        lay_out: Callable[[Path], Path],
+    ) -> None:
+        self.folder, self._capsys, self._lay_out = folder, capsys, lay_out
         self.names: dict[str, Any] = {"__name__": "__page__"}
         self.printed = ""
 
@@ -104,27 +109,20 @@ class Desk:
 
     def install(self, project: Path) -> None:
         """What `pip install --editable` does, but for dependencies."""
-        about = tomllib.loads((project / "pyproject.toml").read_text())["project"]
-        source = project / "src"
-        info = source / f"{about['name'].replace('-', '_')}-{about['version']}.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(
-            f"Metadata-Version: 2.1\nName: {about['name']}\nVersion: {about['version']}\n"
-        )
-        entries = about["entry-points"]["rigcal"].items()
-        lines = "".join(f"{name} = {module}\n" for name, module in entries)
-        (info / "entry_points.txt").write_text(f"[rigcal]\n{lines}")
-        sys.path.insert(0, str(source))
+        sys.path.insert(0, str(self._lay_out(project)))
 
 
 @pytest.fixture
 def desk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    lay_out: Callable[[Path], Path],
 ) -> Iterator[Desk]:
     """An empty folder to follow a page in; what it installs is gone afterwards."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
-    yield Desk(tmp_path, capsys)
+    yield Desk(tmp_path, capsys, lay_out)
     for name, module in list(sys.modules.items()):
         if str(getattr(module, "__file__", "")).startswith(str(tmp_path)):
             del sys.modules[name]

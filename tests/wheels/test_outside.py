@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,24 +35,29 @@ broken = "acme_broken"
 packages = ["acme_broken.py"]
 """
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
+class Environment:
+    """A new environment; calling it runs one of its programs."""
 
-def _environment(folder: Path, requirements: Sequence[str]) -> Run:
-    """Makes an environment; what is returned runs its programs."""
-    environment = {k: v for k, v in os.environ.items() if k not in ("VIRTUAL_ENV", "PYTHONPATH")}
+    def __init__(self, folder: Path, *requirements: str) -> None:
+        self._folder = folder
+        self._variables = {
+            k: v for k, v in os.environ.items() if k not in ("VIRTUAL_ENV", "PYTHONPATH")
+        }
+        self._uv("venv", "--quiet", str(folder))
+        self.install(*requirements)
 
-    def uv(*arguments: str) -> None:
-        subprocess.run(["uv", *arguments], check=True, env=environment, cwd=ROOT)
+    def install(self, *requirements: str) -> None:
+        self._uv("pip", "install", "--quiet", "--python", str(self._folder), *requirements)
 
-    uv("venv", "--quiet", str(folder))
-    uv("pip", "install", "--quiet", "--python", str(folder), *requirements)
+    def _uv(self, *arguments: str) -> None:
+        subprocess.run(["uv", *arguments], check=True, env=self._variables, cwd=ROOT)
 
-    def run(program: str, *arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-        command = [str(folder / "bin" / program), *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=cwd)
-
-    return run
+    def __call__(
+        self, program: str, *arguments: str | Path, cwd: Path
+    ) -> subprocess.CompletedProcess[str]:
+        command = [str(self._folder / "bin" / program), *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, env=self._variables, cwd=cwd)
 
 
 def _wheels(*, with_examples: bool) -> list[str]:
@@ -66,26 +70,26 @@ def _wheels(*, with_examples: bool) -> list[str]:
 
 
 @pytest.fixture(scope="session")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Environment:
     """The five distributions, the two examples, and the kit."""
     (core,) = WHEELS.glob("rigcal-*.whl")
     kit = f"rigcal[testing] @ {core.resolve().as_uri()}"
     folder = tmp_path_factory.mktemp("whole") / "env"
-    return _environment(folder, [*_wheels(with_examples=True), kit])
+    return Environment(folder, *_wheels(with_examples=True), kit)
 
 
 @pytest.fixture(scope="session")
-def without_radar(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def without_radar(tmp_path_factory: pytest.TempPathFactory) -> Environment:
     """The five distributions, and a plugin that raises when it is imported."""
     project = tmp_path_factory.mktemp("broken")
     (project / "pyproject.toml").write_text(BROKEN_PROJECT)
     (project / "acme_broken.py").write_text("raise RuntimeError('no antenna')\n# rigcal_commands\n")
     folder = tmp_path_factory.mktemp("without") / "env"
-    return _environment(folder, [*_wheels(with_examples=False), str(project)])
+    return Environment(folder, *_wheels(with_examples=False), str(project))
 
 
 @pytest.fixture(scope="session")
-def calibrated(whole: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def calibrated(whole: Environment, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The radar's rig, simulated and calibrated."""
     out = tmp_path_factory.mktemp("radar")
     rig, scenario = RADAR / "rig.yaml", RADAR / "scenario.yaml"
@@ -101,7 +105,7 @@ def _succeeds(done: subprocess.CompletedProcess[str]) -> str:
     return done.stdout
 
 
-def test_nothing_comes_from_the_working_tree(whole: Run, tmp_path: Path) -> None:
+def test_nothing_comes_from_the_working_tree(whole: Environment, tmp_path: Path) -> None:
     names = "rigcal, rigcal_camera, rigcal_lrf2d, rigcal_lrf3d, rigcal_sim, rigcal_radar"
     code = f"import {names}\nfor m in ({names}): print(m.__file__)"
     files = _succeeds(whole("python", "-c", code, cwd=tmp_path)).splitlines()
@@ -109,7 +113,7 @@ def test_nothing_comes_from_the_working_tree(whole: Run, tmp_path: Path) -> None
     assert all("site-packages" in file and not file.startswith(str(ROOT)) for file in files)
 
 
-def test_the_plugins_from_outside_are_listed(whole: Run, tmp_path: Path) -> None:
+def test_the_plugins_from_outside_are_listed(whole: Environment, tmp_path: Path) -> None:
     answer = json.loads(_succeeds(whole("rigcal", "plugins", "--json", cwd=tmp_path)))
     offers = {p["distribution"]: (p["version"], p["offers"]) for p in answer["plugins"]}
     assert offers["rigcal-radar"] == ("0.1.0", "sensor type radar")
@@ -118,12 +122,22 @@ def test_the_plugins_from_outside_are_listed(whole: Run, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("example", ["rigcal-radar", "rigcal-minimal"])
-def test_their_own_tests_pass(whole: Run, example: str) -> None:
+def test_their_own_tests_pass(whole: Environment, example: str) -> None:
     folder = ROOT / "examples" / example
     _succeeds(whole("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", cwd=folder))
 
 
-def test_the_radar_is_found_and_its_covariance_is_true(whole: Run, calibrated: Path) -> None:
+def test_a_new_plugin_passes_its_tests_as_written(whole: Environment, tmp_path: Path) -> None:
+    _succeeds(whole("rigcal", "new-plugin", "sonar", cwd=tmp_path))
+    project = tmp_path / "rigcal-sonar"
+    whole.install(f"{project}[test]")
+    _succeeds(whole("python", "-m", "pytest", "-q", cwd=project))
+    assert "sensor type sonar" in _succeeds(whole("rigcal", "plugins", "--json", cwd=tmp_path))
+
+
+def test_the_radar_is_found_and_its_covariance_is_true(
+    whole: Environment, calibrated: Path
+) -> None:
     truth = calibrated / "truth.yaml"
     arguments = ("evaluate", calibrated / "calibration.yaml", "--truth", truth, "--json")
     answer: dict[str, Any] = json.loads(_succeeds(whole("rigcal", *arguments, cwd=calibrated)))
@@ -133,7 +147,7 @@ def test_the_radar_is_found_and_its_covariance_is_true(whole: Run, calibrated: P
 
 
 def test_without_it_a_rig_that_names_it_is_told_what_there_is(
-    without_radar: Run, calibrated: Path
+    without_radar: Environment, calibrated: Path
 ) -> None:
     data = calibrated / "observations.npz"
     arguments = ("calibrate", RADAR / "rig.yaml", data, "--out", calibrated / "none")
@@ -145,7 +159,7 @@ def test_without_it_a_rig_that_names_it_is_told_what_there_is(
     assert "Traceback" not in done.stderr
 
 
-def test_the_nearest_type_is_named(without_radar: Run, tmp_path: Path) -> None:
+def test_the_nearest_type_is_named(without_radar: Environment, tmp_path: Path) -> None:
     text = (RADAR / "rig.yaml").read_text().replace("type: radar", "type: camra")
     (tmp_path / "rig.yaml").write_text(text)
     arguments = ("simulate", "rig.yaml", "--out", tmp_path / "out")
@@ -155,7 +169,7 @@ def test_the_nearest_type_is_named(without_radar: Run, tmp_path: Path) -> None:
 
 
 def test_a_broken_plugin_beside_them_is_named_and_harmless(
-    without_radar: Run, tmp_path: Path
+    without_radar: Environment, tmp_path: Path
 ) -> None:
     listed = _succeeds(without_radar("rigcal", "plugins", cwd=tmp_path))
     assert "broken: plugin 'broken' of acme-broken 2.0 is left out" in listed

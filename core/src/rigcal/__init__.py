@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rigcal.printing import write_target_page
     from rigcal.report import write_report
     from rigcal.rig import Rig, build_targets, load_rig, parse_rig
+    from rigcal.skeleton import new_plugin
 
 _HOME = {
     "Calibration": "calibration",
@@ -50,6 +51,7 @@ _HOME = {
     "load_calibration": "calibration_file",
     "load_observations": "observation_file",
     "load_rig": "rig",
+    "new_plugin": "skeleton",
     "parse_rig": "rig",
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
@@ -75,6 +77,7 @@ __all__ = [
     "load_calibration",
     "load_observations",
     "load_rig",
+    "new_plugin",
     "parse_rig",
     "save_calibration",
     "save_observations",

@@ -15,6 +15,7 @@ from rigcal.cli.calibrate import calibrate
 from rigcal.cli.detect import detect
 from rigcal.cli.evaluate import evaluate
 from rigcal.cli.export import export
+from rigcal.cli.new_plugin import new_plugin
 from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
 from rigcal.cli.target import target
@@ -28,6 +29,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "export": export,
     "target": target,
     "plugins": plugins,
+    "new-plugin": new_plugin,
     "schema": schema,
 }
 _VERBOSE = ("-v", "--verbose")

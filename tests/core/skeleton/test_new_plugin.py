@@ -1,0 +1,91 @@
+"""A new plugin works before its author has changed anything."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rigcal
+from rigcal.cli import main
+from rigcal.errors import InputError
+
+
+def test_its_tests_pass_as_written(tmp_path: Path, lay_out: Callable[[Path], Any]) -> None:
+    folder = rigcal.new_plugin("side-scan", tmp_path / "rigcal-side-scan")
+    lay_out(folder)
+    # The chi-square test over many rigs takes most of the time; it runs in tests/wheels.
+    arguments = ["-q", "-p", "no:cacheprovider", "-k", "not covariance_is_true"]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(folder / "src")},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"\d\d passed, 1 deselected", done.stdout)
+
+
+def test_no_word_of_the_template_is_left(tmp_path: Path) -> None:
+    folder = rigcal.new_plugin("side-scan", tmp_path / "new" / "rigcal-side-scan")
+    for path in folder.rglob("*"):
+        assert "skeleton" not in path.name
+        if path.is_file():
+            assert "skeleton" not in path.read_text().lower(), path
+    assert {p.relative_to(folder).as_posix() for p in folder.rglob("*.py")} == {
+        "tests/test_side_scan.py",
+        *(
+            f"src/rigcal_side_scan/{name}.py"
+            for name in ("__init__", "config", "detector", "messages", "simulator")
+        ),
+    }
+    assert [p.name for p in folder.parent.iterdir()] == ["rigcal-side-scan"]
+
+
+def test_readme_names_every_file(tmp_path: Path) -> None:
+    folder = rigcal.new_plugin("sonar", tmp_path / "rigcal-sonar")
+    named = set(re.findall(r"`((?:src|tests)/\S+)`", (folder / "README.md").read_text()))
+    assert named == {p.relative_to(folder).as_posix() for p in folder.rglob("*.py")}
+
+
+@pytest.mark.parametrize("name", ["Sonar", "2d", "side scan", "", "sonar-", "../sonar"])
+def test_bad_name_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="use small letters and digits"):
+        rigcal.new_plugin(name, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("work of years")
+    with pytest.raises(InputError, match="is there already"):
+        rigcal.new_plugin("sonar", tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.py"]
+
+
+def test_command_tells_what_to_do_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as caught:
+        main(["new-plugin", "sonar"])
+    assert caught.value.code == 0
+    assert "pip install -e 'rigcal-sonar[test]' && pytest rigcal-sonar" in capsys.readouterr().out
+    assert (tmp_path / "rigcal-sonar" / "README.md").is_file()
+
+
+def test_name_of_an_installed_type_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    registry = rigcal.Registry()
+    monkeypatch.setattr(type(registry), "sensor_types", {"sonar": None})
+    with pytest.raises(SystemExit) as caught:
+        main(["new-plugin", "sonar", "--out", str(tmp_path / "new")])
+    assert caught.value.code == 2
+    assert "sensor type 'sonar' is installed already" in capsys.readouterr().err

@@ -18,10 +18,10 @@ def plane_of_target(T_s_t: Array) -> tuple[Array, Array]:
 
 
 def tangent_basis(n: Array) -> Array:
-    """(3, 2) orthonormal columns orthogonal to the unit vector n, a fixed function of n."""
+    """(..., 3, 2) orthonormal columns orthogonal to unit vectors n, a fixed function of n."""
     n = np.asarray(n, dtype=np.float64)
-    first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    first /= np.linalg.norm(first)
+    first = np.cross(n, np.eye(3)[np.argmin(np.abs(n), axis=-1)])
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
     return np.stack([first, np.cross(n, first)], axis=-1)
 
 

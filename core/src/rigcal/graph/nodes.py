@@ -9,7 +9,7 @@ import numpy as np
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import tangent_basis
-from rigcal.graph.correspondence import board_points
+from rigcal.graph.board import board_points, half_size
 from rigcal.observation import Geometry, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
 from rigcal.targets.target import Target
 
@@ -52,9 +52,8 @@ def node(sensor: str, candidate: int, g: Geometry, target: Target) -> Observatio
         case PoseGeometry():
             return ObservationNode(sensor, candidate, g, g.T_s_t, target.outline_points)
         case PlaneGeometry():
-            half = 0.35 * float(np.hypot(*target.size)) / np.sqrt(2)
             R = np.column_stack([tangent_basis(g.normal), g.normal])
-            T, points = se3.transform(R, g.center), board_points(g, half)
+            T, points = se3.transform(R, g.center), board_points(g, half_size(target))
         case LineGeometry():
             along = (g.end - g.start) / np.linalg.norm(g.end - g.start)
             R = np.column_stack([along, tangent_basis(along)])

@@ -1,4 +1,4 @@
-"""The transform between two sensors from the exposures they share, by RANSAC over candidates."""
+"""The transform between two sensors from the exposures they share."""
 
 from __future__ import annotations
 
@@ -7,31 +7,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.graph import solvers
-from rigcal.graph.correspondence import Correspondences, correspondences, plane_of
-from rigcal.graph.scale import scale_that_agrees
-from rigcal.observation import (
-    LineGeometry,
-    Observation,
-    PlaneGeometry,
-    PointGeometry,
-    PoseGeometry,
-)
+from rigcal.graph.consensus import find_consensus
+from rigcal.graph.correspondence import Correspondences, correspondences
+from rigcal.graph.degeneracy import cause, in_common, open_direction
+from rigcal.graph.refinement import Fit, inliers
+from rigcal.graph.relate import why_undetermined
+from rigcal.graph.scale import scale_that_agrees, tests_size
+from rigcal.observation import LineGeometry, Observation, PlaneGeometry, PointGeometry
 from rigcal.targets.target import Target
 
-GATE_SIGMAS = 3.0
-# Of the exposures beyond a minimal sample, this share must agree too. Many a scan that misses the
-# board has a line of its length; planes of its size and fiducials are rarely something else.
-_LEAST_SHARE, _LEAST_SHARE_OF_LINES = 0.4, 0.2
+# Of the exposures beyond a minimal sample, this share must agree too: twice what agrees by chance
+# among boards that have nothing to do with each other (bench/pair_solvers.py).
+_LEAST_SHARE, _LEAST_SHARE_OF_LINES, _LEAST_SHARE_OF_POINTS = 0.1, 0.15, 0.35
+# With exposures that do not belong together, fewer than this share of the inliers may agree.
+_CHANCE, _SHIFTS = 0.5, 4
 _DOUBTFUL_SHARE = 0.7
-_BATCH, _MOST_BATCHES, _CONFIDENCE = 60, 12, 0.999
-# Beyond these a pair leaves its transform open (standard deviations, rad and m).
-_OPEN = np.array([np.radians(5.0)] * 3 + [0.25] * 3)
-_AXES = ("rotation about x", "rotation about y", "rotation about z", "x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +31,10 @@ class PairResult:
     """`T_a_b` (4, 4) with covariance (6, 6), right perturbation, or why there is none.
 
     `inliers` gives, per exposure, the candidates of a and of b that agree. `rms_m` is their
-    distance. `tests_size`: whether the pair holds the target's dimensions in the rig file against
-    measured ranges; `target_scale`: the factor on them with which the pair would agree, if there
-    is one and it does not agree otherwise.
+    distance, `model_error_m` the part of it (standard deviation) that the sensors' noise does not
+    explain; the covariance holds both. `tests_size`: whether the pair holds the target's dimensions
+    in the rig file against measured ranges; `target_scale`: the factor on them with which the pair
+    would agree, if there is one and it does not agree otherwise.
     """
 
     a: str
@@ -51,6 +44,7 @@ class PairResult:
     covariance: Array | None = None
     inliers: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     rms_m: float = float("nan")
+    model_error_m: float = 0.0
     reason: str = ""
     tests_size: bool = False
     target_scale: float | None = None
@@ -67,221 +61,98 @@ def calibrate_pair(
     `pairs` holds the observations of a and b of every exposure in which both have candidates.
     A result without `T_a_b` says why in `reason`.
     """
-    a, b = names
-    shared = len(pairs)
+    result = PairResult(*names, len(pairs))
     c = correspondences(pairs, target)
     if c is None:
-        kinds = sorted({type(o.candidates[0].geometry).__name__ for p in pairs for o in p})
-        reason = f"{' and '.join(kinds)} do not determine a transform" if pairs else "no exposure"
-        return PairResult(a, b, shared, reason=reason)
-    needed, tests_size = _needed(c, pairs), _is_pose_plane(c, pairs)
-    T, reason = _ransac(c, pairs, rng)
-    if T is None:
-        return _disagreement(c, pairs, needed, rng, PairResult(a, b, shared, reason=reason))
-    T, keep, information = _refine(c, T)
-    reason = f"only {len(keep)} of {shared} exposures agree on a transform ({needed} needed)"
-    if len(keep) < needed:
-        return _disagreement(c, pairs, needed, rng, PairResult(a, b, shared, reason=reason))
-    if len(keep) < _DOUBTFUL_SHARE * len(np.unique(c.exposure)):
-        more = math.ceil(1.3 * len(keep))
-        doubt = _disagreement(c, pairs, more, rng, PairResult(a, b, shared, reason=reason))
+        return replace(result, reason=why_undetermined(pairs))
+    needed = _needed(c)
+    consensus = find_consensus(c, rng)
+    fit = consensus.fit
+    if fit is None:
+        reason = _no_hypothesis(c, consensus.hypotheses)
+        return _disagreement(c, needed, rng, replace(result, reason=reason))
+    count = len(fit.keep)
+    reason = f"only {count} of {len(pairs)} exposures agree on a transform ({needed} needed)"
+    if count < needed:
+        reason += _because(c)
+        return _disagreement(c, needed, rng, replace(result, reason=reason))
+    if count < _DOUBTFUL_SHARE * len(c.starts):
+        more = math.ceil(1.3 * count)
+        doubt = _disagreement(c, more, rng, replace(result, reason=reason))
         if doubt.target_scale is not None:
             return doubt
-    covariance, reason = _covariance(information)
-    if covariance is None:
-        return PairResult(a, b, shared, reason=f"{len(keep)} exposures agree, but {reason}")
-    inliers = {pairs[c.exposure[h]][0].exposure: (int(c.a[h]), int(c.b[h])) for h in keep}
-    rms = float(np.sqrt(np.mean(c.distances(T[None])[0][0, keep] ** 2)))
-    return PairResult(a, b, shared, T, covariance, inliers, rms, tests_size=tests_size)
+    if reason := open_direction(c, fit) or _chance(pairs, target, c, fit):
+        return replace(result, reason=f"{count} exposures agree, but {reason}")
+    distances = c.relation.distances(fit.T_a_b[None])[0, fit.keep]
+    return replace(
+        result,
+        T_a_b=fit.T_a_b,
+        covariance=np.asarray(np.linalg.inv(fit.information), np.float64),
+        inliers={pairs[c.exposure[h]][0].exposure: (int(c.a[h]), int(c.b[h])) for h in fit.keep},
+        rms_m=float(np.sqrt(np.mean(distances**2))),
+        model_error_m=float(np.sqrt(np.mean(fit.model_error**2))),
+        tests_size=tests_size(c),
+    )
 
 
-def _needed(c: Correspondences, pairs: Sequence[tuple[Observation, Observation]]) -> int:
+def _needed(c: Correspondences) -> int:
     """How many exposures must agree: more than a minimal sample, which agrees with itself."""
-    exposures = len(np.unique(c.exposure))
-    first, second = (pairs[c.exposure[0]][s].candidates[0].geometry for s in (0, 1))
-    if isinstance(first, PoseGeometry) and isinstance(second, PoseGeometry):
+    exposures, minimal = len(c.starts), c.relation.minimal
+    if minimal == 1:
         return 1 + math.ceil(_LEAST_SHARE * (exposures - 1))
-    share = _LEAST_SHARE_OF_LINES if isinstance(second, LineGeometry) else _LEAST_SHARE
-    return 3 + max(2, math.ceil(share * (exposures - 3)))
+    share = _LEAST_SHARE
+    if c.pairing[1] is LineGeometry:
+        share = _LEAST_SHARE_OF_LINES
+    elif c.pairing == (PlaneGeometry, PointGeometry):
+        share = _LEAST_SHARE_OF_POINTS
+    return minimal + max(2, math.ceil(share * (exposures - minimal)))
+
+
+def _chance(
+    pairs: Sequence[tuple[Observation, Observation]], target: Target, c: Correspondences, fit: Fit
+) -> str:
+    """Why the agreement proves nothing: exposures that do not belong together agree as well.
+
+    A wall that both sensors take for the board does so; fiducials are never something else.
+    """
+    count, agree, most = len(pairs), 0, min(_SHIFTS, len(pairs) - 1)
+    if c.relation.minimal == 1:
+        return ""
+    for shift in range(1, most + 1):
+        by = max(1, shift * count // (most + 1))
+        mixed = [(pairs[k][0], pairs[(k + by) % count][1]) for k in range(count)]
+        other = correspondences(mixed, target)
+        agree += 0 if other is None else len(inliers(other, fit.T_a_b, fit.model_error))
+    if agree < _CHANCE * most * len(fit.keep):
+        return ""
+    return (
+        f"of {most * count} pairs of exposures that do not belong together {agree} do as well: the "
+        "board hardly moved, or both sensors take the background for it; move the board further"
+    )
+
+
+def _no_hypothesis(c: Correspondences, hypotheses: int) -> str:
+    exposures, minimal = len(c.starts), c.relation.minimal
+    if exposures < minimal:
+        return f"{exposures} shared exposures are too few: {minimal} are the minimum, 10 are good"
+    if not hypotheses:
+        return f"no {minimal} shared exposures fix it: {cause(c, np.arange(len(c.exposure)))}"
+    return f"no transform explains {minimal} of {exposures} exposures{_because(c)}"
+
+
+def _because(c: Correspondences) -> str:
+    """What all exposures have in common, if that is why none of them agree."""
+    reason = in_common(c, np.arange(len(c.exposure)))
+    return f": {reason}" if reason else ""
 
 
 def _disagreement(
-    c: Correspondences,
-    pairs: Sequence[tuple[Observation, Observation]],
-    needed: int,
-    rng: np.random.Generator,
-    result: PairResult,
+    c: Correspondences, needed: int, rng: np.random.Generator, result: PairResult
 ) -> PairResult:
     """The failed result, with the scale of the target that would mend it."""
-    if not _is_pose_plane(c, pairs):
-        return result
-    n_b, d_b = _planes_of_b(c, pairs, np.arange(len(c.exposure)))
-    found = scale_that_agrees(c, n_b, d_b, needed, rng)
+    found = scale_that_agrees(c, needed, rng) if tests_size(c) else None
     if found is None:
         return result
     scale, count = found
     reason = f"{result.reason}; {count} would if the target were {scale:.3g} times as large"
     return replace(result, reason=reason, tests_size=True, target_scale=scale)
-
-
-def _is_pose_plane(c: Correspondences, pairs: Sequence[tuple[Observation, Observation]]) -> bool:
-    first, second = (pairs[c.exposure[0]][s].candidates[0].geometry for s in (0, 1))
-    return isinstance(first, PoseGeometry) and isinstance(second, PlaneGeometry)
-
-
-def _planes_of_b(
-    c: Correspondences,
-    pairs: Sequence[tuple[Observation, Observation]],
-    h: NDArray[np.int64],
-) -> tuple[Array, Array]:
-    """Normals (..., 3) and distances (...) of the planes that b saw in correspondences h (...)."""
-    planes = [plane_of(pairs[c.exposure[i]][1].candidates[c.b[i]].geometry) for i in h.flat]
-    n_b = np.array([p[0] for p in planes]).reshape(*h.shape, 3)
-    return n_b, np.array([p[1] for p in planes]).reshape(h.shape)
-
-
-def _scores(c: Correspondences, T: Array) -> tuple[Array, Array]:
-    """MSAC score (M,) of transforms, and of every correspondence (M, H), 0 for an outlier."""
-    distance, apart = c.distances(T)
-    score = np.maximum(0.0, 1 - (distance / (GATE_SIGMAS * c.sigma)) ** 2)
-    score[apart > c.reach] = 0.0
-    starts = np.flatnonzero(np.diff(c.exposure, prepend=-1))
-    return np.maximum.reduceat(score, starts, axis=1).sum(axis=1), score
-
-
-def _ransac(
-    c: Correspondences,
-    pairs: Sequence[tuple[Observation, Observation]],
-    rng: np.random.Generator,
-) -> tuple[Array | None, str]:
-    """The best of all hypotheses; stops when a better one is unlikely (Fischler, Bolles 1981).
-
-    Without one, says why.
-    """
-    starts = np.flatnonzero(np.diff(c.exposure, prepend=-1))
-    exposures = len(starts)
-    best, best_score, hypotheses = None, 0.0, 0
-    for batch in range(1, _MOST_BATCHES + 1):
-        T = _hypotheses(c, pairs, starts, rng)
-        hypotheses += len(T)
-        for part in np.array_split(T, max(1, len(T) // 100)):
-            scores, each = _scores(c, part)
-            if len(scores) and scores.max() > best_score:
-                top = int(scores.argmax())
-                best, best_score = part[top], float(scores[top])
-                share = np.count_nonzero(each[top]) / len(c.exposure)
-        if best is not None:
-            misses = (1 - share**3) ** (batch * _BATCH)
-            if misses < 1 - _CONFIDENCE:
-                break
-        if exposures < 3:
-            break
-    if best is not None:
-        return best, ""
-    if exposures < 3 and not hypotheses:
-        return None, f"{exposures} shared exposures are too few: 3 are the minimum, 10 are good"
-    if not hypotheses:
-        return None, "the boards are parallel, or too near to it, in every three shared exposures"
-    return None, f"no transform explains 3 of {exposures} exposures"
-
-
-def _hypotheses(
-    c: Correspondences,
-    pairs: Sequence[tuple[Observation, Observation]],
-    starts: NDArray[np.intp],
-    rng: np.random.Generator,
-) -> Array:
-    """(M, 4, 4) transforms of one batch of minimal samples."""
-    first, second = (pairs[c.exposure[0]][s].candidates[0].geometry for s in (0, 1))
-    if isinstance(first, PoseGeometry) and isinstance(second, PoseGeometry):
-        h = rng.permutation(len(c.exposure))[:300]
-        return np.stack([_pose_from_pose(c, pairs, i) for i in h])
-    if len(starts) < 3:
-        return np.zeros((0, 4, 4))
-    sample = _sample(c, starts, rng)
-    if isinstance(first, PointGeometry) or isinstance(second, PointGeometry):
-        return solvers.from_points(c.p_a[sample, 0], c.p_b[sample, 0])
-    if isinstance(second, LineGeometry):
-        v = c.p_b[sample, 1] - c.p_b[sample, 0]
-        v /= np.linalg.norm(v, axis=-1, keepdims=True)
-        rotations = solvers.random_rotations(solvers.STARTS, rng)
-        T = solvers.from_planes_and_lines(
-            c.n_a[sample], c.d_a[sample], c.p_b[sample, 0], v, rotations
-        )
-        return _plausible(c, T)
-    n_b, d_b = _planes_of_b(c, pairs, sample)
-    return solvers.from_planes(c.n_a[sample], c.d_a[sample], n_b, d_b)
-
-
-def _pose_from_pose(
-    c: Correspondences, pairs: Sequence[tuple[Observation, Observation]], h: int
-) -> Array:
-    a, b = (pairs[c.exposure[h]][s].candidates[i].geometry for s, i in ((0, c.a[h]), (1, c.b[h])))
-    assert isinstance(a, PoseGeometry)
-    assert isinstance(b, PoseGeometry)
-    result: Array = a.T_s_t @ se3.inverse(b.T_s_t)
-    return result
-
-
-def _sample(
-    c: Correspondences, starts: NDArray[np.intp], rng: np.random.Generator
-) -> NDArray[np.int64]:
-    """(_BATCH, 3) correspondences of three different exposures, higher ranked ones more often."""
-    weight = 0.5 ** (c.a + c.b).astype(np.float64)
-    noise = np.log(weight) + rng.gumbel(size=(_BATCH, len(weight)))
-    ends = np.append(starts[1:], len(weight))
-    exposures = rng.permuted(np.tile(np.arange(len(starts)), (_BATCH, 1)), axis=1)[:, :3]
-    chosen = np.empty((_BATCH, 3), dtype=np.int64)
-    for s in range(_BATCH):
-        for i, k in enumerate(exposures[s]):
-            chosen[s, i] = starts[k] + int(noise[s, starts[k] : ends[k]].argmax())
-    return chosen
-
-
-def _plausible(c: Correspondences, T: Array) -> Array:
-    """Drops roots that put the line's board far from the plane's: most false roots do."""
-    if not len(T):
-        return T
-    apart = np.linalg.norm(
-        np.einsum("mij,hj->mhi", T[:, :3, :3], c.center_b) + T[:, None, :3, 3] - c.center_a, axis=-1
-    )
-    result: Array = T[np.count_nonzero(apart < c.reach, axis=1) >= 3]
-    return result
-
-
-def _refine(c: Correspondences, T: Array) -> tuple[Array, NDArray[np.intp], Array]:
-    """Gauss-Newton on the inliers until they stay the same; returns T, inliers, information."""
-    keep = _inliers(c, T)
-    for _ in range(10):
-        for _ in range(5):
-            r, J = c.rows(T, keep)
-            step = np.asarray(np.linalg.lstsq(J, r, rcond=1e-12)[0], dtype=np.float64)
-            T = T @ se3.exp(-step)
-        before, keep = keep, _inliers(c, T)
-        if np.array_equal(before, keep):
-            break
-    _, J = c.rows(T, keep)
-    return T, keep, J.T @ J
-
-
-def _inliers(c: Correspondences, T: Array) -> NDArray[np.intp]:
-    """The best correspondence of every exposure that has one within the gate."""
-    score = _scores(c, T[None])[1][0]
-    starts = np.flatnonzero(np.diff(c.exposure, prepend=-1))
-    parts = np.split(np.arange(len(score)), starts[1:])
-    best = np.array([part[score[part].argmax()] for part in parts])
-    result: NDArray[np.intp] = best[score[best] > 0]
-    return result
-
-
-def _covariance(information: Array) -> tuple[Array | None, str]:
-    """Covariance, or in words which direction the exposures leave open."""
-    # In units of what counts as open, so that rotation and translation compare.
-    scaled = information * np.outer(_OPEN, _OPEN)
-    values, vectors = np.linalg.eigh(scaled)
-    if values[0] < 1.0:
-        axis = _AXES[int(np.abs(vectors[:, 0]).argmax())]
-        cause = "boards with other orientations are needed (parallel boards fix no more)"
-        return None, f"they leave {axis} of the second sensor open: {cause}"
-    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return covariance, ""

@@ -10,7 +10,8 @@ import numpy as np
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import tangent_basis
-from rigcal.graph.correspondence import MODEL_ERROR_M, board_points, center_of, plane_of
+from rigcal.graph.board import board_points, center_of, half_size, plane_of
+from rigcal.graph.correspondence import MODEL_ERROR_M
 from rigcal.observation import Geometry, Observation, PlaneGeometry, PointGeometry, PoseGeometry
 from rigcal.targets.target import Target
 
@@ -99,7 +100,6 @@ def misfit(g: Geometry, T_s_t: Array, target: Target, *, in_plane: bool = True) 
     What lies beyond the board's outline adds to it, unless the turn of the target in its own plane
     is not known (`in_plane` false).
     """
-    half = 0.35 * float(np.hypot(*target.size)) / np.sqrt(2)
     if isinstance(g, PoseGeometry):
         corners = target.outline_points
         difference = se3.apply(T_s_t, corners) - se3.apply(g.T_s_t, corners)
@@ -109,7 +109,7 @@ def misfit(g: Geometry, T_s_t: Array, target: Target, *, in_plane: bool = True) 
         apart: float = float(np.linalg.norm(se3.apply(T_s_t, g.target_point) - g.position))
         return apart
     n, d = plane_of(PoseGeometry(T_s_t, np.eye(6)))
-    across = float(np.sqrt(np.mean((board_points(g, half) @ n + d) ** 2)))
+    across = float(np.sqrt(np.mean((board_points(g, half_size(target)) @ n + d) ** 2)))
     return float(np.hypot(across, _beyond(g, T_s_t, target, in_plane)))
 
 

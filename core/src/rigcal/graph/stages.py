@@ -12,10 +12,10 @@ import numpy as np
 from rigcal.errors import ConfigError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.choice import best_ranked, inliers_of_pairs, msgcal_graph
-from rigcal.graph.correspondence import determines
 from rigcal.graph.method import Method
 from rigcal.graph.msgcal import MsgcalGraph
 from rigcal.graph.pairwise import PairResult, calibrate_pair
+from rigcal.graph.relate import pairing_of
 from rigcal.graph.task import Task
 from rigcal.graph.tree import spanning_tree
 from rigcal.observation import Observation
@@ -83,7 +83,8 @@ def pairwise(task: Task, seed: int, tell: Progress) -> list[PairResult]:
 
 
 def _determines(pair: tuple[Observation, Observation]) -> bool:
-    return determines(pair[0].candidates[0].geometry, pair[1].candidates[0].geometry)
+    a, b = (o.candidates[0].geometry for o in pair)
+    return pairing_of(a, b) is not None
 
 
 def _given_poses(rig: Rig) -> tuple[dict[str, Array], frozenset[str]]:

@@ -22,7 +22,7 @@ from rigcal.targets.target import Target
 
 MODEL_ERROR_M = 0.02
 """The most by which sensors may disagree beyond their noise: biased ranges, bent boards, lens
-models. How much it is in fact is estimated from the data; see docs/adr/PAIRS."""
+models. How much it is in fact is estimated from the data."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from rigcal.observation import LineGeometry, Observation, PlaneGeometry, PointGe
 from rigcal.targets.target import Target
 
 # Of the exposures beyond a minimal sample, this share must agree too: twice what agrees by chance
-# among boards that have nothing to do with each other (bench/pair_solvers.py).
+# among boards that have nothing to do with each other.
 _LEAST_SHARE, _LEAST_SHARE_OF_LINES, _LEAST_SHARE_OF_POINTS = 0.1, 0.15, 0.35
 # With exposures that do not belong together, fewer than this share of the inliers may agree.
 _CHANCE, _SHIFTS = 0.5, 4

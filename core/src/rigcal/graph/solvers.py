@@ -1,8 +1,7 @@
 """Minimal solvers for the transform between two sensors, in batches.
 
 Every solver takes S samples at once and returns (M, 4, 4) hypotheses `T_a_b`, M of any size:
-samples without a solution give none. The one for planes and lines is in `plane_line`;
-bench/pair_solvers.py measures them.
+samples without a solution give none. The one for planes and lines is in `plane_line`.
 """
 
 from __future__ import annotations

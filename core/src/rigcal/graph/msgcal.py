@@ -6,6 +6,7 @@ J. L. Owens, P. R. Osteen, K. Daniilidis, "MSG-Cal: Multi-sensor Graph-based Cal
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,6 @@ import numpy as np
 
 from rigcal.errors import NotConvergedError
 from rigcal.geometry.se3 import Array
-from rigcal.graph.correspondence import MODEL_ERROR_M
 from rigcal.graph.exposure_graph import EdgeRows, ExposureGraph
 from rigcal.graph.information import Information
 from rigcal.graph.pairwise import PairResult
@@ -23,6 +23,8 @@ from rigcal.graph.pairwise import PairResult
 _LOOSE_SIGMA = 1e3
 _FIXED_SIGMA = 1e-7
 _MOST_ITERATIONS = 100
+# Exact data must not make the edges infinitely stiff.
+_LEAST_SIGMA_M = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,16 @@ class MsgcalGraph:
     def edges(self) -> int:
         """How many edges count in the graph error."""
         return sum(len(x.nodes) + len(x.relations) for x in self.exposures)
+
+    @property
+    def sigma_m(self) -> float:
+        """The weight of the edges in metres: rms distance over the inliers of all pairs.
+
+        So they weigh against the sensor-sensor edges as the same data did in the pairs.
+        """
+        squares = [(len(p.inliers), len(p.inliers) * p.rms_m**2) for p in self.pairs]
+        count, total = (sum(column) for column in zip((0, 0.0), *squares, strict=True))
+        return max(math.sqrt(total / max(count, 1)), _LEAST_SIGMA_M)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +86,7 @@ def solve(
     error = problem.error_m2(values)
     free = tuple(s for s in sensors if s not in fixed)
     redundancy = sum(r.rank for x in graph.exposures for r in x.relations) - 6 * len(free)
-    variance = error / max(redundancy, 1) / MODEL_ERROR_M**2
+    variance = error / max(redundancy, 1) / graph.sigma_m**2
     covariance = variance * problem.covariance(values, free)
     information = Information(free, _inverse(covariance), covariance, ())
     return MsgcalSolution(
@@ -129,7 +141,7 @@ class _Problem:
             for key, node in zip(at, x.nodes, strict=True):
                 add(key, sensors[node.sensor] @ node.T_s_o, loose)
             rows, of_x = EdgeRows.of(x), [*(keys[node.sensor] for node in x.nodes), *at]
-            noise = gtsam.noiseModel.Isotropic.Sigma(int(rows.used.sum()), MODEL_ERROR_M)
+            noise = gtsam.noiseModel.Isotropic.Sigma(int(rows.used.sum()), graph.sigma_m)
             factors.add(gtsam.CustomFactor(noise, of_x, _error_function(rows)))
             parts.append((rows, tuple(of_x)))
         for pair in graph.pairs:

@@ -40,18 +40,18 @@ def off(result, T_a_b):
 @pytest.mark.parametrize("kinds", KINDS)
 def test_the_covariance_is_that_of_the_scatter(kinds, watch, calibrated, T_a_b):
     nees = []
-    for seed in range(16):
+    for seed in range(10):
         result = calibrated(watch(kinds, np.random.default_rng(seed), 30))
         e = off(result, T_a_b)
         nees.append(e @ np.linalg.solve(result.covariance, e))
-    # chi2(96) / 16, 99.9 %.
-    assert 4.0 < np.mean(nees) < 8.5
+    # chi2(60) / 10, 99.9 % on either side.
+    assert 3.17 < np.mean(nees) < 9.96
 
 
-@pytest.mark.parametrize("kinds", KINDS[:5])
+@pytest.mark.parametrize("kinds", [KINDS[0], KINDS[1], KINDS[4]])
 def test_a_disagreement_beyond_the_noise_widens_the_covariance(kinds, watch, calibrated, T_a_b):
     nees, errors = [], []
-    for seed in range(16):
+    for seed in range(8):
         result = calibrated(watch(kinds, np.random.default_rng(seed), 40, disagreement=0.008))
         e = off(result, T_a_b)
         nees.append(e @ np.linalg.solve(result.covariance, e))
@@ -63,7 +63,7 @@ def test_a_disagreement_beyond_the_noise_widens_the_covariance(kinds, watch, cal
 @pytest.mark.parametrize("outliers", [0.2, 0.4])
 @pytest.mark.parametrize("kinds", KINDS[:-1])
 def test_gross_outliers_of_both_sensors_change_nothing(kinds, outliers, watch, calibrated, T_a_b):
-    for seed in range(4):
+    for seed in range(2):
         pairs = watch(kinds, np.random.default_rng(seed), 70, outliers=outliers)
         result = calibrated(pairs, seed)
         e = off(result, T_a_b)
@@ -74,7 +74,7 @@ def test_gross_outliers_of_both_sensors_change_nothing(kinds, outliers, watch, c
 
 @pytest.mark.parametrize("kinds", KINDS)
 def test_sensors_that_watch_different_boards_get_no_transform(kinds, watch, calibrated):
-    for seed in range(3):
+    for seed in range(2):
         a = watch(kinds, np.random.default_rng(seed), 40)
         b = watch(kinds, np.random.default_rng(seed + 100), 40)
         result = calibrated([(x[0], y[1]) for x, y in zip(a, b, strict=False)])

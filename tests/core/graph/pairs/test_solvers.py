@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigcal.geometry import se3
@@ -58,6 +58,7 @@ def test_planes(seed):
     assert found(T, T_a_b) == np.count_nonzero(np.abs(np.linalg.det(n)) > solvers.LEAST_VOLUME)
 
 
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_planes_and_points(seed):
     rng = np.random.default_rng(seed)

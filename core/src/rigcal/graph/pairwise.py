@@ -154,5 +154,5 @@ def _disagreement(
     if found is None:
         return result
     scale, count = found
-    reason = f"{result.reason}; {count} would if the target were {scale:.3g} times as large"
+    reason = f"{result.reason}; {count} would if the target were {scale:.2f} times as large"
     return replace(result, reason=reason, tests_size=True, target_scale=scale)

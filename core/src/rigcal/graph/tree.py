@@ -57,10 +57,10 @@ def _check_target_size(pairs: Sequence[PairResult]) -> None:
     """TargetSizeError if more pairs contradict the target's dimensions than confirm them."""
     scales = {f"{p.a} - {p.b}": p.target_scale for p in pairs if p.target_scale is not None}
     if len(scales) > sum(p.tests_size and p.T_a_b is not None for p in pairs):
-        each = ", ".join(f"{pair}: {scale:.3g}" for pair, scale in scales.items())
+        each = ", ".join(f"{pair}: {scale:.2f}" for pair, scale in scales.items())
         raise TargetSizeError(
             "the target's dimensions in the rig file contradict the ranges of the lasers: the "
-            f"sensors would agree if it were {np.median(list(scales.values())):.3g} times as large "
+            f"sensors would agree if it were {np.median(list(scales.values())):.2f} times as large "
             f"({each}). Measure the printed target and correct its sizes in metres"
         )
 

@@ -60,11 +60,10 @@ def test_a_disagreement_beyond_the_noise_widens_the_covariance(kinds, watch, cal
     assert 0.004 < np.mean(errors) < 0.013
 
 
-@pytest.mark.parametrize("outliers", [0.2, 0.4])
 @pytest.mark.parametrize("kinds", KINDS[:-1])
-def test_gross_outliers_of_both_sensors_change_nothing(kinds, outliers, watch, calibrated, T_a_b):
+def test_gross_outliers_of_both_sensors_change_nothing(kinds, watch, calibrated, T_a_b):
     for seed in range(2):
-        pairs = watch(kinds, np.random.default_rng(seed), 70, outliers=outliers)
+        pairs = watch(kinds, np.random.default_rng(seed), 70, outliers=0.4)
         result = calibrated(pairs, seed)
         e = off(result, T_a_b)
         assert np.linalg.norm(e[:3]) < 0.02
@@ -133,7 +132,7 @@ def turned(rng, count, tilt, about=(0.0, 1.0, 0.0)):
 
 
 @pytest.mark.parametrize("kinds", [k for k in KINDS if "point" not in k and k != ("pose", "pose")])
-@pytest.mark.parametrize("count", [12, 150])
+@pytest.mark.parametrize("count", [12, 100])
 def test_parallel_boards(kinds, count, watch, calibrated):
     rng = np.random.default_rng(0)
     result = calibrated(watch(kinds, rng, turned(rng, count, 0.0)))
@@ -142,7 +141,7 @@ def test_parallel_boards(kinds, count, watch, calibrated):
 
 
 @pytest.mark.parametrize("kinds", [("pose", "plane"), ("plane", "plane"), ("pose", "line")])
-@pytest.mark.parametrize("count", [12, 150])
+@pytest.mark.parametrize("count", [12, 100])
 def test_one_place_of_the_board(kinds, count, watch, calibrated):
     rng = np.random.default_rng(0)
     pose = facing_boards(1, rng, tilt=0.2)

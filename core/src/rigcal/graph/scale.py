@@ -79,4 +79,5 @@ def _samples(starts: Index, total: int, rng: np.random.Generator) -> Index:
     """(S, 4) correspondences of four different exposures."""
     ends = np.append(starts[1:], total)
     exposures = rng.permuted(np.tile(np.arange(len(starts)), (_SAMPLES, 1)), axis=1)[:, :4]
-    return rng.integers(starts[exposures], ends[exposures], dtype=np.intp)
+    chosen: Index = rng.integers(starts[exposures], ends[exposures], dtype=np.intp)
+    return chosen

@@ -19,3 +19,21 @@ class TestCamera(SensorConformance):
     noise_free_effects = CAMERA.effects.model_validate({"noise_grey": 0.0})
     # Noise of pixels makes noise of corners, which is below the configured one.
     raw_noise_is_configured = False
+
+
+class TestFisheye(SensorConformance):
+    sensor_type = CAMERA
+    optical = True
+    config = CameraConfig(
+        topic="/camera/image_raw",
+        width_px=960,
+        height_px=720,
+        model="fisheye",
+        focal_px=(400.0, 400.0),
+        principal_px=(479.5, 359.5),
+        distortion=(0.01, -0.002, 0.0005, 0.0),
+        sigma_px=0.2,
+    )
+    distances_m = (1.0, 1.8)
+    noise_free_effects = CAMERA.effects.model_validate({"noise_grey": 0.0})
+    raw_noise_is_configured = False

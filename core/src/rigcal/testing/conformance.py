@@ -53,7 +53,8 @@ class SensorConformance(
     - override the property `target` for another board;
     - `noise_free_effects`, or the property `noise_free_config`, for noise that is not in fields
       called `sigma_...`;
-    - `tolerance` for a `unit` other than m and px.
+    - `tolerance` for a `unit` other than m and px;
+    - `raw_sigma = None` for noise that is not one number.
 
     A type that does not simulate overrides `message` to show a board without a simulator, and is
     then detected and calibrated like the others:

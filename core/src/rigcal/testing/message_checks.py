@@ -133,11 +133,21 @@ def _spoilt_messages(value: Any) -> Iterator[tuple[str, Any]]:
     for name, field in vars(value).items():
         if name.startswith("_") or name == "header":
             continue
-        for how in _SPOILT:
-            for spoilt in _spoil(field, how):
-                damaged = copy.copy(value)
-                setattr(damaged, name, spoilt)
-                yield f"{name} {how}", damaged
+        spoilt = [(f"{name} {how}", bad) for how in _SPOILT for bad in _spoil(field, how)]
+        spoilt += [(f"{name}.{what}", bad) for what, bad in _spoilt_parts(field)]
+        for what, bad in spoilt:
+            damaged = copy.copy(value)
+            setattr(damaged, name, bad)
+            yield what, damaged
+
+
+def _spoilt_parts(field: Any) -> Iterator[tuple[str, Any]]:
+    """A message, or a list of them, within a message: the same in each."""
+    if isinstance(field, list) and field and hasattr(field[0], "__dict__"):
+        for what, item in _spoilt_messages(field[0]):
+            yield what, [item] * len(field)
+    elif hasattr(field, "__dict__"):
+        yield from _spoilt_messages(field)
 
 
 def _spoil(field: Any, how: str) -> Iterator[Any]:
@@ -153,6 +163,3 @@ def _spoil(field: Any, how: str) -> Iterator[Any]:
         yield np.nan if how == "not finite" else 1e30
     elif isinstance(field, int) and how in ("empty", "huge"):
         yield 0 if how == "empty" else 2**31 - 1
-    elif isinstance(field, list) and field and hasattr(field[0], "__dict__"):
-        for _, item in _spoilt_messages(field[0]):
-            yield [item] * len(field)

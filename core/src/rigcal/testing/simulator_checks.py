@@ -33,7 +33,7 @@ class SimulatorChecks(Stage):
 
     @needs("simulate")
     def test_noise_of_frames_is_the_configured_one(self) -> None:
-        """Through the detector: whitened residuals, and raw errors where `sigma_UNIT` is known."""
+        """Through the detector: whitened residuals, and raw errors where `raw_sigma` is known."""
         rng = np.random.default_rng(11)
         whitened, dof, raw = 0.0, 0, []
         for T_s_t in self.poses(rng, _FRAMES):
@@ -44,10 +44,9 @@ class SimulatorChecks(Stage):
             raw.append(np.ravel(self.errors(candidate, T_s_t)))
         bound = not self.raw_noise_is_configured
         assert_chi_square(whitened, dof, "whitened residuals of frames", only_above=bound)
-        sigma = getattr(self.config, f"sigma_{self.sensor_type.unit}", None)
-        if sigma is not None and self.sensor_type.errors is not None:
+        if self.raw_sigma is not None and self.sensor_type.errors is not None:
             errors = np.concatenate(raw)
-            chi2 = float(errors @ errors) / sigma**2
+            chi2 = float(errors @ errors) / self.raw_sigma**2
             assert_chi_square(chi2, len(errors), "raw errors of frames", only_above=bound)
 
     @needs("simulate", "sees")

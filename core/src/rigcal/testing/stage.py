@@ -127,6 +127,15 @@ class Stage:
         result: SensorConfig = self.config.model_copy(update=sigmas)
         return result
 
+    @property
+    def raw_sigma(self) -> float | None:
+        """Standard deviation of the raw errors: the config's `sigma_UNIT`, if it has one.
+
+        Override it (None: not known) where the noise is not one number, but grows with range, say.
+        """
+        sigma: float | None = getattr(self.config, f"sigma_{self.sensor_type.unit}", None)
+        return sigma
+
     def in_view(self, T_s_t: Array) -> np.ndarray:
         """Which points of a grid over the board the type says to see; all if it does not say."""
         steps = np.linspace(-0.5, 0.5, 9)

@@ -1,0 +1,194 @@
+"""The conformance kit finds what is wrong: a beacon's faults fail the checks that are for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.plugin import (
+    Candidate,
+    Detection,
+    Message,
+    ObservationError,
+    PointGeometry,
+    Scene,
+    SensorConfig,
+    SensorType,
+)
+from rigcal.recording import ros
+from rigcal.residual import PointResidual
+from rigcal.testing import SensorConformance
+
+POINT = "geometry_msgs/msg/PointStamped"
+
+
+class BeaconConfig(SensorConfig, frozen=True):
+    type: Literal["beacon"] = "beacon"
+    sigma_m: float = 0.01
+
+
+def _decode(message: Message, config: Any) -> Array:
+    p = message.value.point
+    return np.array([p.x, p.y, p.z])
+
+
+def _detect(frame: Array, config: Any, target: Any) -> Detection:
+    if not np.isfinite(frame).all() or not frame.any():
+        return Detection((), "no return")
+    point = PointGeometry(frame, config.sigma_m**2 * np.eye(3), np.zeros(3))
+    return Detection((Candidate(point, {"p": frame[None]}),))
+
+
+def _residual(candidate: Candidate, config: Any, target: Any) -> PointResidual:
+    measured = np.reshape(candidate.measurement["p"], 3).astype(np.float64)
+    return PointResidual(np.zeros(3), measured, np.eye(3) / config.sigma_m)
+
+
+def _simulate(T_w_s: Array, scene: Scene, config: Any, rng: np.random.Generator, _: Any) -> Array:
+    if scene.T_w_t is None:
+        return np.zeros(3)
+    p_s: Array = (se3.inverse(T_w_s) @ scene.T_w_t)[:3, 3]
+    noisy: Array = p_s + rng.normal(0, config.sigma_m, 3)
+    return noisy if p_s[0] > 0 else np.zeros(3)
+
+
+def _encode(frame: Array, config: Any, stamp_ns: int, frame_id: str) -> Any:
+    point = ros.make("geometry_msgs/msg/Point", **dict(zip("xyz", frame, strict=True)))
+    return ros.make(POINT, header=ros.header(stamp_ns, frame_id), point=point)
+
+
+def _sees(points: Array, config: Any) -> Any:
+    return points[:, 0] > 0
+
+
+BEACON = SensorType("beacon", BeaconConfig, (POINT,), _decode, _detect, _residual, sees=_sees)
+BEACON = replace(BEACON, simulate=_simulate, encode=_encode, message_type=POINT)
+
+
+class TestBeacon(SensorConformance):
+    """A type without faults passes."""
+
+    sensor_type = BEACON
+    config = BeaconConfig(topic="/beacon")
+    # It is not installed.
+    test_discovery_finds_it_and_imports_nothing_heavy = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, eq=False)
+class Twisted:
+    """A residual whose Jacobian or rows are not what they should be."""
+
+    good: PointResidual
+    rows: Callable[[Array], Array] = lambda r: r
+    columns: Callable[[Array], Array] = lambda J: J
+    block: int = 3
+    dof: int = 3
+
+    def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
+        r, J = self.good(T_s_t)
+        return self.rows(r), self.columns(J)
+
+
+def _twisted(**parts: Any) -> SensorType:
+    return replace(BEACON, residual=lambda *a: Twisted(_residual(*a), **parts))
+
+
+def _blind(frame: Array, config: Any, target: Any) -> Detection:
+    return Detection((), "blind")
+
+
+def _biased(*a: Any) -> Array:
+    return _simulate(*a) + 0.001
+
+
+def _own_noise(T_w_s: Array, scene: Scene, config: Any, rng: Any, effects: Any) -> Array:
+    return _simulate(T_w_s, scene, config, np.random.default_rng(0), effects)
+
+
+def _loud(T_w_s: Array, scene: Scene, config: Any, rng: Any, effects: Any) -> Array:
+    return _simulate(T_w_s, scene, config.model_copy(update={"sigma_m": 0.02}), rng, effects)
+
+
+def _in_the_world(T_w_s: Array, scene: Scene, config: Any, rng: Any, effects: Any) -> Array:
+    frame = _simulate(T_w_s, scene, config, rng, effects)
+    return frame + T_w_s[:3, 3]
+
+
+def _fragile(message: Message, config: Any) -> Array:
+    frame = _decode(message, config)
+    if not np.isfinite(frame).all():
+        raise ZeroDivisionError
+    return frame
+
+
+FAULTS: dict[str, tuple[SensorType, str]] = {
+    "Jacobian": (_twisted(columns=lambda J: J * 1.01), "jacobian_is_the_derivative"),
+    "whitening": (_twisted(rows=lambda r: r / 1.3), "residual_is_whitened"),
+    "correlation": (
+        _twisted(rows=lambda r: r @ np.linalg.cholesky(np.eye(3) / 2 + 0.5).T),
+        "residual_is_whitened",
+    ),
+    "columns": (
+        _twisted(columns=lambda J: J[:, :5]),
+        "residual_has_the_shape_that_it_announces",
+    ),
+    "blind": (replace(BEACON, detect=_blind), "board_in_view_is_in_the_frame"),
+    "bias": (
+        replace(BEACON, simulate=_biased),
+        "frame_without_noise_is_explained_by_the_true_pose",
+    ),
+    "own noise": (replace(BEACON, simulate=_own_noise), "same_seed_gives_the_same_frame"),
+    "loud": (replace(BEACON, simulate=_loud), "noise_of_frames_is_the_configured_one"),
+    "loud, NEES": (replace(BEACON, simulate=_loud), "covariance_is_true"),
+    "world": (
+        replace(BEACON, simulate=_in_the_world),
+        "moving_sensor_and_scene_together_changes_nothing",
+    ),
+    "fragile": (
+        replace(BEACON, decode=_fragile),
+        "damaged_message_is_an_error_or_a_whole_answer",
+    ),
+    "visibility": (
+        replace(BEACON, sees=lambda p, _: p[:, 0] < 0),
+        "board_out_of_view_leaves_no_trace",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_fails_its_check(fault: str, tmp_path: Path) -> None:
+    kind, check = FAULTS[fault]
+
+    class Stage(SensorConformance):
+        sensor_type = kind
+        config = BeaconConfig(topic="/beacon")
+
+    Stage.__test__ = False  # type: ignore[attr-defined]
+    stage = Stage()
+    stage.folder = tmp_path
+    with pytest.raises((AssertionError, ObservationError)):
+        getattr(stage, f"test_{check}")()
+
+
+def test_a_class_without_a_config_is_told() -> None:
+    with pytest.raises(TypeError, match="Bare: set `config` in the class"):
+
+        class Bare(SensorConformance):
+            sensor_type = BEACON
+
+
+def test_what_is_not_offered_takes_the_place_of_its_check() -> None:
+    class Silent(SensorConformance):
+        sensor_type = replace(BEACON, sees=None, simulate=None, encode=None)
+        config = BeaconConfig()
+
+    marks = Silent.test_board_out_of_view_leaves_no_trace.pytestmark  # type: ignore[attr-defined]
+    assert marks[0].kwargs["ids"] == ["not offered: simulate", "not offered: sees"]
+    assert not hasattr(Silent.test_config_survives_a_round_trip, "pytestmark")

@@ -20,31 +20,52 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rigcal.calibration import Calibration, SensorResult
     from rigcal.calibration_file import load_calibration, save_calibration
+    from rigcal.comparison import Comparison, calibration_of_poses, compare
     from rigcal.detection import detect
-    from rigcal.errors import RigcalError
+    from rigcal.errors import Cancelled, RigcalError
     from rigcal.estimation import calibrate
     from rigcal.evaluation import Evaluation, evaluate
     from rigcal.exporting import export, write_export
     from rigcal.graph.method import Method
-    from rigcal.observation import Observation
+    from rigcal.observation import (
+        LineGeometry,
+        Observation,
+        PlaneGeometry,
+        PointGeometry,
+        PoseGeometry,
+    )
     from rigcal.observation_file import load_observations, save_observations
+    from rigcal.observer import Observer
     from rigcal.plugin.registry import Registry
     from rigcal.printing import write_target_page
+    from rigcal.progress import Progress
+    from rigcal.recording.message import Message
     from rigcal.report import write_report
-    from rigcal.rig import Rig, build_targets, load_rig, parse_rig
+    from rigcal.rig import Rig, build_targets, load_rig, parse_rig, rig_schema
     from rigcal.skeleton import new_plugin
 
 _HOME = {
     "Calibration": "calibration",
+    "Cancelled": "errors",
+    "Comparison": "comparison",
     "Evaluation": "evaluation",
+    "LineGeometry": "observation",
+    "Message": "recording.message",
     "Method": "graph.method",
     "Observation": "observation",
+    "Observer": "observer",
+    "PlaneGeometry": "observation",
+    "PointGeometry": "observation",
+    "PoseGeometry": "observation",
+    "Progress": "progress",
     "Registry": "plugin.registry",
     "Rig": "rig",
     "RigcalError": "errors",
     "SensorResult": "calibration",
     "build_targets": "rig",
     "calibrate": "estimation",
+    "calibration_of_poses": "comparison",
+    "compare": "comparison",
     "detect": "detection",
     "evaluate": "evaluation",
     "export": "exporting",
@@ -53,6 +74,7 @@ _HOME = {
     "load_rig": "rig",
     "new_plugin": "skeleton",
     "parse_rig": "rig",
+    "rig_schema": "rig",
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
     "write_export": "exporting",
@@ -62,15 +84,26 @@ _HOME = {
 
 __all__ = [
     "Calibration",
+    "Cancelled",
+    "Comparison",
     "Evaluation",
+    "LineGeometry",
+    "Message",
     "Method",
     "Observation",
+    "Observer",
+    "PlaneGeometry",
+    "PointGeometry",
+    "PoseGeometry",
+    "Progress",
     "Registry",
     "Rig",
     "RigcalError",
     "SensorResult",
     "build_targets",
     "calibrate",
+    "calibration_of_poses",
+    "compare",
     "detect",
     "evaluate",
     "export",
@@ -79,6 +112,7 @@ __all__ = [
     "load_rig",
     "new_plugin",
     "parse_rig",
+    "rig_schema",
     "save_calibration",
     "save_observations",
     "write_export",

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigcal.errors import ObservationError, RecordingError
+from rigcal.errors import RecordingError
 from rigcal.exposures import FrameStamp, exposure_names
 from rigcal.observation import Detection, Observation
-from rigcal.plugin.answers import check_detection
+from rigcal.observer import check_type, decoder_failure, detect_in_frame
 from rigcal.plugin.contract import SensorConfig, SensorType
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
@@ -107,19 +107,14 @@ def _detect_frames(task: _Task) -> list[_DetectedFrame]:
         messages = recording.read(task.config.source, task.first, task.stop)
         for index, message in enumerate(messages, start=task.first):
             stamp = FrameStamp(task.sensor, message.stamp_ns, message.exposure, index)
-            if message.type not in task.kind.message_types:
-                expected = ", ".join(task.kind.message_types)
-                raise RecordingError(
-                    f"sensor '{task.sensor}': {message.origin} is a {message.type}; sensor type "
-                    f"'{task.kind.name}' reads {expected}: check the sensor's topic or files"
-                )
+            check_type(task.sensor, task.kind, message)
             try:
                 frame = task.kind.decode(message, task.config)
             except Exception as error:
                 lost = Detection((), f"unreadable: {_decoder_error(task, message, error)}")
                 frames.append(_DetectedFrame(stamp, message.origin, lost, unreadable=True))
                 continue
-            detection = _detect(task, frame)
+            detection = detect_in_frame(task.kind, task.config, task.target, frame)
             frames.append(_DetectedFrame(stamp, message.origin, detection))
     return frames
 
@@ -129,24 +124,7 @@ def _decoder_error(task: _Task, message: Message, error: Exception) -> str:
     if isinstance(error, RecordingError):
         return str(error)
     _log.debug("decoder of %s raised", task.sensor, exc_info=error)
-    return (
-        f"{message.origin}: the decoder of sensor type '{task.kind.name}' failed with "
-        f"{type(error).__name__}: {error}"
-    )
-
-
-def _detect(task: _Task, frame: object) -> Detection:
-    """The detector's answer; one that raises, or answers nonsense, loses its frame, not the run."""
-    try:
-        found = task.kind.detect(frame, task.config, task.target)
-        check_detection(found)
-    except Exception as error:
-        _log.debug("detector of %s raised", task.sensor, exc_info=True)
-        what = "" if isinstance(error, ObservationError) else f"{type(error).__name__}: "
-        return Detection(
-            (), f"the detector of sensor type '{task.kind.name}' failed: {what}{error}"
-        )
-    return found
+    return decoder_failure(task.kind, message, error)
 
 
 def _check_readable(frames: Sequence[_DetectedFrame]) -> None:

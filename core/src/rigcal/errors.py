@@ -7,6 +7,7 @@
     |   +-- ObservationError       observations that are malformed, or their file
     |   +-- TargetSizeError        the target's dimensions contradict what the sensors measure
     |   +-- PluginError            a plugin that is broken, duplicate, mistyped or misspelt
+    +-- Cancelled                  the caller's progress callback raised it, to stop the work
     +-- CalibrationError           the data do not give an answer (exit status 1)
         +-- NotConnectedError      sensors that share no usable exposures
         +-- NotDeterminedError     a pose that the data leave open
@@ -48,6 +49,10 @@ class TargetSizeError(InputError):
 
 class PluginError(InputError):
     """A plugin that is broken, duplicate, mistyped or misspelt."""
+
+
+class Cancelled(RigcalError):  # noqa: N818 (it is no fault)
+    """For progress callbacks that want the work to stop: it ends at once and leaves nothing."""
 
 
 class CalibrationError(RigcalError):

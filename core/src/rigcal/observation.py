@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rigcal.errors import ObservationError
 from rigcal.geometry.se3 import Array
+from rigcal.geometry.shapes import fit_plane, tangent_basis
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +20,12 @@ class PoseGeometry:
 
     T_s_t: Array
     covariance: Array
+
+    @classmethod
+    def of(cls, T_s_t: ArrayLike, sigma_rad: float, sigma_m: float) -> Self:
+        """A pose (4, 4) with equal noise about all axes and equal noise along them."""
+        T = _rows(T_s_t, "T_s_t", 4, least=4)
+        return cls(T, np.diag([sigma_rad**2] * 3 + [sigma_m**2] * 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +44,20 @@ class PlaneGeometry:
     covariance: Array
     boundary: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
+    @classmethod
+    def through(cls, points: ArrayLike, sigma_m: float) -> Self:
+        """The plane nearest to points (N, 3) on the target, whose noise across it is `sigma_m`.
+
+        ObservationError if the points do not span a plane.
+        """
+        p = _rows(points, "points", 3, least=3)
+        n, d = fit_plane(p)
+        center = p.mean(axis=0)
+        # The distance of a point changes by (a x n) . (p - center) with the tilt, and by -offset.
+        tilt = np.cross(tangent_basis(n).T, n)
+        J = np.column_stack([(p - center) @ tilt.T, -np.ones(len(p))])
+        return cls(n, d, center, sigma_m**2 * _inverse(J.T @ J, "points", "a plane"))
+
 
 @dataclass(frozen=True, eq=False)
 class LineGeometry:
@@ -51,6 +73,32 @@ class LineGeometry:
     start_is_edge: bool = False
     end_is_edge: bool = False
 
+    @classmethod
+    def through(cls, points: ArrayLike, sigma_m: float) -> Self:
+        """The line nearest to points (N, 2) in the plane z = 0 of a 2D laser, with that noise.
+
+        It starts at the first and ends at the last point along it. ObservationError if the points
+        do not span a line.
+        """
+        p = _rows(points, "points", 2, least=2)
+        center = p.mean(axis=0)
+        along = np.linalg.svd(p - center, full_matrices=False)[2][0]
+        along = along if along @ (p[-1] - p[0]) >= 0 else -along
+        across = np.array([-along[1], along[0]])
+        s = (p - center) @ along
+        J = np.column_stack([np.ones(len(p)), s])
+        covariance = sigma_m**2 * _inverse(J.T @ J, "points", "a line")
+        ends = np.array([s.min(), s.max()])
+        # An end moves across the line by offset + turn s, and along it by the noise of one point.
+        M = np.zeros((6, 2))
+        M[[0, 1]], M[[3, 4]] = (np.outer(across, [1.0, end]) for end in ends)
+        free = np.zeros((3, 3))
+        free[:2, :2] = sigma_m**2 * np.outer(along, along)
+        free[2, 2] = _Z_VARIANCE
+        full = M @ covariance @ M.T + np.kron(np.eye(2), free)
+        start, end = (np.append(center + end * along, 0.0) for end in ends)
+        return cls(start, end, full)
+
 
 @dataclass(frozen=True, eq=False)
 class PointGeometry:
@@ -62,6 +110,12 @@ class PointGeometry:
     covariance: Array
     target_point: Array
 
+    @classmethod
+    def at(cls, position: ArrayLike, target_point: ArrayLike, sigma_m: float) -> Self:
+        """A point seen at `position` (3,) that is at `target_point` (3,), with equal noise."""
+        seen, known = _vector(position, "position"), _vector(target_point, "target_point")
+        return cls(seen, sigma_m**2 * np.eye(3), known)
+
 
 Geometry = PoseGeometry | PlaneGeometry | LineGeometry | PointGeometry
 
@@ -71,13 +125,18 @@ class Candidate:
     """One hypothesis of where the target is in one frame.
 
     `measurement` holds the raw inlier measurements under names that only the sensor's own residual
-    knows (numpy arrays; numbers are 0-d arrays). `score` ranks the candidates of one frame, the
-    highest first; at most one of them is right.
+    knows (numpy arrays; numbers are 0-d arrays); the name `by_hand` is reserved. `score` ranks the
+    candidates of one frame, the highest first; at most one of them is right.
     """
 
     geometry: Geometry
     measurement: Mapping[str, NDArray[np.generic]]
     score: float = 0.0
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether it has no raw measurements and counts by its geometry and covariance."""
+        return "by_hand" in self.measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,3 +161,50 @@ class Observation:
     origin: str
     candidates: tuple[Candidate, ...]
     reason: str = ""
+
+    @classmethod
+    def of(
+        cls, sensor: str, exposure: str, *geometries: Geometry, stamp_ns: int = 0, origin: str = ""
+    ) -> Self:
+        """What a sensor saw in an exposure, by hand; several geometries are alternatives.
+
+        Such candidates have no raw measurements: they count by their geometry and covariance.
+        ObservationError without any geometry.
+        """
+        if not geometries:
+            raise ObservationError(
+                f"sensor '{sensor}', exposure '{exposure}': no geometry; leave the observation out"
+            )
+        marked = {"by_hand": np.array(True)}
+        candidates = tuple(Candidate(g, marked, -float(i)) for i, g in enumerate(geometries))
+        return cls(sensor, exposure, stamp_ns, origin or "by hand", candidates)
+
+
+_Z_VARIANCE = 1e-12
+"""A 2D laser says nothing of z; covariances must not be singular for that."""
+
+
+def _rows(values: ArrayLike, name: str, columns: int, least: int) -> Array:
+    """Values as a finite (N, columns) array of at least so many rows."""
+    array = np.asarray(values, np.float64)
+    if array.ndim != 2 or array.shape[1] != columns or len(array) < least:
+        raise ObservationError(
+            f"{name} has shape {array.shape}, expected (N, {columns}) with N >= {least}"
+        )
+    if not np.isfinite(array).all():
+        raise ObservationError(f"{name} holds a value that is not finite")
+    return array
+
+
+def _vector(values: ArrayLike, name: str) -> Array:
+    array = np.asarray(values, np.float64)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ObservationError(f"{name} is {values!r}, expected three finite numbers")
+    return array
+
+
+def _inverse(information: Array, what: str, shape: str) -> Array:
+    if np.linalg.cond(information) > 1e12:
+        raise ObservationError(f"the {what} do not span {shape}: they lie too close together")
+    result: Array = np.asarray(np.linalg.inv(information), np.float64)
+    return result

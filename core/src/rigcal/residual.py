@@ -214,9 +214,10 @@ def residual_of(
 ) -> Residual:
     """The sensor type's own residual, or the default one of the geometry.
 
-    ObservationError if the type's own cannot be made of the candidate's measurements.
+    A candidate made by hand has the default one. ObservationError if the
+    type's own cannot be made of the candidate's measurements.
     """
-    if kind.residual is None:
+    if kind.residual is None or candidate.by_hand:
         return residual_of_geometry(candidate)
     try:
         return kind.residual(candidate, config, target)

@@ -12,6 +12,7 @@ import typer
 
 from rigcal import __version__
 from rigcal.cli.calibrate import calibrate
+from rigcal.cli.compare import compare
 from rigcal.cli.detect import detect
 from rigcal.cli.evaluate import evaluate
 from rigcal.cli.export import export
@@ -26,6 +27,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "detect": detect,
     "calibrate": calibrate,
     "evaluate": evaluate,
+    "compare": compare,
     "export": export,
     "target": target,
     "plugins": plugins,

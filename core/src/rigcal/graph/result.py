@@ -83,17 +83,23 @@ def _statistics(
     own: Sequence[SensorTargetEdge],
     selections: Mapping[str, Selection],
 ) -> ResidualStatistics | None:
-    """Rms of the raw measurements' errors over the inliers, masked ones left out."""
-    kind = task.kinds[name]
+    """Rms of the raw measurements' errors over the inliers, masked ones left out.
+
+    Of the geometry's errors if the type offers no others, or if a candidate was made by hand.
+    """
+    kind, target = task.kinds[name], task.target(name)
+    seen = [
+        (e, task.exposures[e.exposure][name].candidates[selections[e.exposure].chosen[name]])
+        for e in own
+    ]
+    raw = kind.errors is not None and not any(candidate.by_hand for _, candidate in seen)
     values = []
-    for edge in own:
-        o = task.exposures[edge.exposure][name]
-        candidate = o.candidates[selections[edge.exposure].chosen[name]]
+    for edge, candidate in seen:
         T_s_t = se3.inverse(solution.sensors[name]) @ solution.targets[edge.exposure]
-        if kind.errors is None:
-            values.append(np.array([misfit(candidate.geometry, T_s_t, task.target(name))]))
+        if kind.errors is None or not raw:
+            values.append(np.array([misfit(candidate.geometry, T_s_t, target)]))
             continue
-        errors = kind.errors(candidate, task.rig.sensors[name], task.target(name), T_s_t)
+        errors = kind.errors(candidate, task.rig.sensors[name], target, T_s_t)
         if edge.keep is not None and len(edge.keep) == len(errors):
             errors = errors[edge.keep]
         values.append(errors.reshape(-1))
@@ -101,7 +107,7 @@ def _statistics(
         return None
     errors = np.concatenate(values)
     rms = float(np.sqrt(np.mean(errors**2)))
-    return ResidualStatistics(kind.unit, rms, len(errors))
+    return ResidualStatistics(kind.unit if raw else "m", rms, len(errors))
 
 
 def _noise_warnings(solution: Solution) -> tuple[str, ...]:

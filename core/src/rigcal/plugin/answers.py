@@ -41,12 +41,14 @@ def check_detection(found: object) -> None:
             raise ObservationError(f"candidate {number}: {error}") from None
 
 
-def checked_fiducials(target: Target, found: object) -> tuple[NDArray[np.int64], Array]:
-    """What `target.find` answered, as point indices (M,) and pixels (M, 2).
+def checked_fiducials(
+    target: Target, found: object, who: str = ""
+) -> tuple[NDArray[np.int64], Array]:
+    """What `target.find` answered (or `who` says), as point indices (M,) and pixels (M, 2).
 
     ObservationError if it is something else, not finite, or names points that do not exist.
     """
-    where = f"`find` of target '{target.name}'"
+    where = who or f"`find` of target '{target.name}'"
     if not (isinstance(found, tuple) and len(found) == 2):
         raise ObservationError(f"{where} answered {_kind(found)}, expected (indices, pixels)")
     index, uv = np.asarray(found[0], np.int64), np.asarray(found[1], np.float64)

@@ -7,7 +7,7 @@ inside the functions: listing plugins must import none of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, Self
 
@@ -184,6 +184,7 @@ Frame = Any
 Decode = Callable[[Message, Any], Frame]
 Detect = Callable[[Frame, Any, Target], Detection]
 MakeResidual = Callable[[Candidate, Any, Target], Residual]
+Fit = Callable[[Mapping[str, Any], Any, Target], Detection]
 Observe = Callable[[Array, Any, Target, np.random.Generator], Candidate | None]
 Simulate = Callable[[Array, Scene, Any, np.random.Generator, Any], Frame]
 Encode = Callable[[Frame, Any, int, str], Any]
@@ -208,6 +209,10 @@ class SensorType:
     errors          (candidate, config, target, T_s_t) -> (N,) or (N, 2) unwhitened errors of the
                     raw measurements in `unit`, for statistics; None: by geometry, in metres
     unit            unit of `errors`: "px", "m"
+    fit             (arrays by name, config, target) -> Detection: as `detect`, from measurements
+                    that somebody else found on the target (the corners in an image, the points of
+                    a cloud that are on the board), under the names of the candidates' own; raises
+                    ObservationError for arrays that are missing or do not fit together
     observe         (T_s_t, config, target, rng) -> Candidate or None: what a flawless detector
                     would report of a target in plain view, with the configured noise
     simulate        (T_w_s, scene, config, rng, effects) -> frame
@@ -246,3 +251,4 @@ class SensorType:
     project: Project | None = None
     message_definitions: Definitions = field(default_factory=dict, hash=False)
     contract: int = CONTRACT_VERSION
+    fit: Fit | None = None

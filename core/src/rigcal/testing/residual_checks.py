@@ -129,6 +129,17 @@ class ResidualChecks(Stage):
         (read,) = load_observations(path)[0][0].candidates
         assert_same(self.residual(candidate)(T_s_t), self.residual(read)(T_s_t))
 
+    @needs("candidates", "fit")
+    def test_fit_of_its_own_measurements_finds_the_same(self) -> None:
+        T_s_t, candidate = self._one()
+        assert self.sensor_type.fit is not None
+        found = self.sensor_type.fit(candidate.measurement, self.config, self.target)
+        check_detection(found)
+        cost, *others = (
+            float(np.sum(self.residual(c)(T_s_t)[0] ** 2)) for c in (candidate, *found.candidates)
+        )
+        assert min(abs(other - cost) for other in others) < 0.01 * (1 + cost)
+
     @needs("candidates", "residual")
     @pytest.mark.parametrize("damage", ["empty", "truncated", "not finite", "wrong shape", "gone"])
     def test_damaged_measurement_is_an_error_or_a_whole_residual(self, damage: str) -> None:

@@ -107,7 +107,8 @@ class Stage:
         frames: data with a known board, simulated or from an overridden `message`; candidates:
         observed, or detected in frames.
         """
-        parts = "residual", "errors", "observe", "simulate", "encode", "sees", "view", "project"
+        parts = ("residual", "errors", "fit", "observe", "simulate", "encode", "sees", "view",
+                 "project")  # fmt: skip
         found = {part: getattr(cls.sensor_type, part, None) is not None for part in parts}
         found["extra_messages"] = cls.sensor_type.extra_messages is not None
         found["frames"] = found["simulate"] or cls.message is not Stage.message

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigcal.geometry.se3 import Array
 from rigcal.plugin import SensorType, hookimpl
 from rigcal_camera.config import CameraConfig
-from rigcal_camera.detector import detect, observe
+from rigcal_camera.detector import detect, fit, observe
 from rigcal_camera.effects import CameraEffects
 from rigcal_camera.frames import COMPRESSED, FILE_TYPES, IMAGE, decode, view
 from rigcal_camera.lens import Lens, lens_of
@@ -29,6 +29,7 @@ __all__ = [
     "detect",
     "encode",
     "errors",
+    "fit",
     "lens_of",
     "make_residual",
     "observe",
@@ -73,6 +74,7 @@ CAMERA = SensorType(
     sees=_sees,
     view=view,
     project=_project,
+    fit=fit,
 )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigcal.errors import ConfigError
+from rigcal.errors import ConfigError, ObservationError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection, PoseGeometry
@@ -35,8 +36,23 @@ def detect(image: Image, config: CameraConfig, target: Target) -> Detection:
     log-likelihood against the best one. `measurement`: `uv` (M, 2) pixels, `index` (M,) into
     `target.points`, `sigma_px` the corner noise estimated from the residual.
     """
+    return _explained(_find(image, target, lens_of(config)), config, target)
+
+
+def fit(measured: Mapping[str, Any], config: CameraConfig, target: Target) -> Detection:
+    """The candidates of corners that another program found: `index` (M,), `uv` (M, 2)."""
+    if not measured.keys() >= {"index", "uv"}:
+        raise ObservationError(
+            f"found {', '.join(measured) or 'nothing'}, expected `index` (M,) into the target's "
+            "points and `uv` (M, 2) pixels"
+        )
+    corners = checked_fiducials(target, (measured["index"], measured["uv"]), "it")
+    return _explained(Corners(*corners), config, target)
+
+
+def _explained(corners: Corners, config: CameraConfig, target: Target) -> Detection:
+    """The poses that explain labelled corners."""
     lens = lens_of(config)
-    corners = _find(image, target, lens)
     if len(corners) < config.min_corners:
         reason = f"found {len(corners)} corners, min_corners is {config.min_corners}"
         return Detection((), reason=corners.reason or reason)

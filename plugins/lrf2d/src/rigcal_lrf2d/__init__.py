@@ -8,6 +8,7 @@ from rigcal.ranging import RangeEffects
 from rigcal_lrf2d.config import Lrf2dConfig
 from rigcal_lrf2d.decode import MESSAGE_TYPES, decode, view
 from rigcal_lrf2d.detector import detect
+from rigcal_lrf2d.fit import fit
 from rigcal_lrf2d.residual import errors, residual
 from rigcal_lrf2d.scan import Scan
 from rigcal_lrf2d.simulator import MESSAGE_TYPE, encode, observe, sees, simulate
@@ -31,6 +32,7 @@ LRF2D = SensorType(
     sees=sees,
     flat=True,
     view=view,
+    fit=fit,
 )
 
 

@@ -89,7 +89,7 @@ def _candidate(
     if covariance[0, 0] > _MAX_SIGMA_DIRECTION**2:
         return None
     angles = beams.angles[members]
-    geometry = _geometry(
+    geometry = line_geometry(
         line, covariance, angles[[0, -1]], ends.is_edge[i], ends.off[i] * beams.step
     )
     return Candidate(geometry, {"angles": angles, "ranges": r}, score)
@@ -106,7 +106,7 @@ def _without_mixed_ends(segment: Segments, beams: Beams, noise: RangeNoise) -> I
     return members[good[0] : good[-1] + 1] if len(good) else members[:0]
 
 
-def _geometry(
+def line_geometry(
     line: Line, covariance: Array, angles: Array, is_edge: Array, off: Array
 ) -> LineGeometry:
     """End points on the line, and their covariance (6, 6).

@@ -8,7 +8,7 @@ from rigcal.ranging import RangeEffects
 from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode, view
 from rigcal_lrf3d.config import Lrf3dConfig
 from rigcal_lrf3d.detector import detect
-from rigcal_lrf3d.feature import observe
+from rigcal_lrf3d.feature import fit, observe
 from rigcal_lrf3d.residual import errors, residual
 from rigcal_lrf3d.scans import DepthScan, MultibeamScan, RosetteScan, SpinningScan
 from rigcal_lrf3d.simulator import MESSAGE_TYPE, encode, sees, simulate
@@ -40,6 +40,7 @@ LRF3D = SensorType(
     effects=RangeEffects,
     sees=sees,
     view=view,
+    fit=fit,
 )
 
 

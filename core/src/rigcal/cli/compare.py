@@ -1,0 +1,90 @@
+"""`rigcal compare`: which sensor moved."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rigcal.cli.output import Json, Quiet, print_json, print_line, print_table
+
+if TYPE_CHECKING:
+    from rigcal.calibration import Calibration
+    from rigcal.comparison import Comparison
+
+
+def compare(
+    before: Annotated[
+        Path, typer.Argument(metavar="A", help="calibration.yaml, or a rig file with poses.")
+    ],
+    after: Annotated[Path, typer.Argument(metavar="B", help="The same of a later time.")],
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Tell which sensor moved between two calibrations; exit status 1 if one did."""
+    from rigcal.comparison import compare as compare_all
+
+    comparison = compare_all(_load(before), _load(after))
+    if json:
+        print_json(_as_mapping(comparison))
+    elif not quiet:
+        _show(comparison)
+    if comparison.moved:
+        raise typer.Exit(1)
+
+
+def _load(path: Path) -> Calibration:
+    """A calibration, or the poses of a rig."""
+    from rigcal.calibration_file import FORMAT, load_calibration
+    from rigcal.comparison import calibration_of_poses
+    from rigcal.document import read_document
+    from rigcal.plugin.registry import Registry
+    from rigcal.rig import load_rig
+
+    data = read_document(path, "a calibration or a rig").data
+    if data.get("format") == FORMAT or "version" not in data:
+        return load_calibration(path)
+    return calibration_of_poses(load_rig(path, Registry.from_entry_points()))
+
+
+def _show(comparison: Comparison) -> None:
+    rows = []
+    for name, change in comparison.sensors.items():
+        x, y, z = (f"{value * 1e3:.2f}" for value in change.T_before_after[:3, 3])
+        rows.append(
+            (
+                name,
+                f"{change.translation_m * 1e3:.2f}",
+                f"{x}  {y}  {z}",
+                f"{math.degrees(change.rotation_rad):.4f}",
+                "-" if change.sigmas is None else f"{change.sigmas:.2f}",
+                "moved" if change.moved else "",
+            )
+        )
+    columns = ("<sensor", "mm", "x y z mm", "deg", "sigmas", "<")
+    print_table(f"Change of each sensor as seen from {comparison.reference}", columns, rows)
+    for where, names in (("B", comparison.only_before), ("A", comparison.only_after)):
+        if names:
+            print_line(f"not in {where}: {', '.join(names)}")
+    print_line(f"Moved: {', '.join(comparison.moved) or 'none'}")
+
+
+def _as_mapping(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "reference": comparison.reference,
+        "moved": list(comparison.moved),
+        "sensors": {
+            name: {
+                "moved": change.moved,
+                "sigmas": change.sigmas,
+                "translation_mm": change.translation_m * 1e3,
+                "translation_xyz_mm": (change.T_before_after[:3, 3] * 1e3).tolist(),
+                "rotation_deg": math.degrees(change.rotation_rad),
+            }
+            for name, change in comparison.sensors.items()
+        },
+        "only_before": list(comparison.only_before),
+        "only_after": list(comparison.only_after),
+    }

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from rigcal import Registry, calibrate, detect, load_rig
+from rigcal.errors import NotDeterminedError
 from rigcal.geometry import se3
 
 ROOT = Path(__file__).parents[2]
@@ -95,6 +96,21 @@ def test_stereo_pair_with_a_checkerboard(registry):
     baseline = np.linalg.norm(calibration.T("left", "right")[:3, 3])
     assert baseline == pytest.approx(0.0832, abs=0.001)
     assert calibration.sensors["right"].residual.rms < 0.3
+    # Both lenses start as the recording's own; the right one is refined with the poses.
+    left, right = (rig.sensors[name] for name in ("left", "right"))
+    assert (left.focal_px, left.distortion) == (right.focal_px, right.distortion)
+    found = calibration.sensors["right"].refined
+    assert found["fx"].start == left.focal_px[0]
+    assert found["fx"].sigma < 1.0
+    assert not calibration.sensors["left"].refined
+
+
+def test_a_lens_that_the_recording_leaves_open_is_named(registry):
+    rig = load_rig(RIGS / "opencv_stereo.yaml", registry)
+    cameras = {n: c.model_copy(update={"refine": ("lens",)}) for n, c in rig.sensors.items()}
+    observations = detect(rig, registry, DATA / "opencv_stereo_chess")
+    with pytest.raises(NotDeterminedError, match=r"left: lens: leaves .*least known: k3"):
+        calibrate(replace(rig, sensors=cameras), registry, observations)
 
 
 def test_four_partly_overlapping_webcams(registry, tmp_path):

@@ -21,6 +21,19 @@ class ResidualStatistics:
     count: int
 
 
+@dataclass(frozen=True)
+class RefinedNumber:
+    """A number that was estimated beside the poses: where it started, and what it was found to be.
+
+    `sigma` is its standard deviation; all three in `unit`, which is empty for a pure number.
+    """
+
+    value: float
+    sigma: float
+    start: float
+    unit: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class SensorResult:
     """One sensor of the tree.
@@ -29,6 +42,7 @@ class SensorResult:
     identity. `covariance` (6, 6) over [rotation rad, translation m], right perturbation, in the
     sensor's frame; None for the root, for a fixed pose, and in truth files. `observations` were
     detected, `inliers` of them used. `noise_scale` is the estimated over the configured noise.
+    `refined` holds what its config asked to refine, by the number's name.
     """
 
     parent: str
@@ -38,6 +52,7 @@ class SensorResult:
     inliers: int | None = None
     residual: ResidualStatistics | None = None
     noise_scale: float | None = None
+    refined: Mapping[str, RefinedNumber] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -78,6 +93,8 @@ class Calibration:
     holds_ns: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     """From when to when the target stood at each of `target_poses`, true time; in truth files."""
     graph_error: GraphError | None = None
+    refined_targets: Mapping[str, Mapping[str, RefinedNumber]] = field(default_factory=dict)
+    """What the rig asked to refine of its targets, by target and name: their `scale`."""
 
     def T(self, a: str, b: str) -> Array:
         """`T_a_b` (4, 4) between any two sensors of the tree; ConfigError for an unknown name."""

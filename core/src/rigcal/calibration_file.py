@@ -10,7 +10,14 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field
 
-from rigcal.calibration import Calibration, GraphError, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration import (
+    Calibration,
+    GraphError,
+    RefinedNumber,
+    Rejection,
+    ResidualStatistics,
+    SensorResult,
+)
 from rigcal.document import Problems, read_document
 from rigcal.files import write_text
 from rigcal.geometry import se3
@@ -53,6 +60,13 @@ class _Residual(_Model):
     count: int
 
 
+class _Refined(_Model):
+    value: float
+    sigma: float
+    start: float
+    unit: str = ""
+
+
 class _Sensor(_Pose):
     parent: str
     covariance: Annotated[list[Annotated[list[float], _SIX]], _SIX] | None = None
@@ -60,6 +74,7 @@ class _Sensor(_Pose):
     inliers: int | None = None
     residual: _Residual | None = None
     noise_scale: float | None = None
+    refined: dict[str, _Refined] = {}
 
     def result(self) -> SensorResult:
         return SensorResult(
@@ -70,7 +85,16 @@ class _Sensor(_Pose):
             inliers=self.inliers,
             residual=ResidualStatistics(**dict(self.residual)) if self.residual else None,
             noise_scale=self.noise_scale,
+            refined=_refined(self.refined),
         )
+
+
+class _Target(_Model):
+    refined: dict[str, _Refined] = {}
+
+
+def _refined(numbers: Mapping[str, _Refined]) -> dict[str, RefinedNumber]:
+    return {name: RefinedNumber(**dict(number)) for name, number in numbers.items()}
 
 
 class _Rejection(_Model):
@@ -97,6 +121,7 @@ class _File(_Model):
     root: str
     convention: str = CONVENTION
     sensors: dict[str, _Sensor] = Field(min_length=1)
+    targets: dict[str, _Target] = {}
     rejected: tuple[_Rejection, ...] = ()
     warnings: tuple[str, ...] = ()
     graph_error: _GraphError | None = None
@@ -128,6 +153,7 @@ def load_calibration(path: Path | str) -> Calibration:
         warnings=file.warnings,
         provenance=file.provenance,
         graph_error=GraphError(**dict(file.graph_error)) if file.graph_error else None,
+        refined_targets={name: _refined(t.refined) for name, t in file.targets.items()},
     )
 
 
@@ -144,6 +170,10 @@ def calibration_text(calibration: Calibration) -> str:
         "root": calibration.root,
         "convention": CONVENTION,
         "sensors": {name: _sensor(result) for name, result in calibration.sensors.items()},
+        "targets": {
+            name: {"refined": _numbers(refined)}
+            for name, refined in calibration.refined_targets.items()
+        },
         "rejected": [_Line(vars(rejection)) for rejection in calibration.rejected],
         "warnings": _Lines(calibration.warnings),
         "graph_error": calibration.graph_error and _Line(vars(calibration.graph_error)),
@@ -250,7 +280,15 @@ def _sensor(result: SensorResult) -> dict[str, Any]:
     if result.residual is not None:
         entry["residual"] = _Line(vars(result.residual))
     entry["noise_scale"] = result.noise_scale
+    entry["refined"] = _numbers(result.refined) or None
     return {key: value for key, value in entry.items() if value is not None}
+
+
+def _numbers(refined: Mapping[str, RefinedNumber]) -> dict[str, Any]:
+    return {
+        name: _Line({key: value for key, value in vars(number).items() if value != ""})
+        for name, number in refined.items()
+    }
 
 
 def _pose(T: Array) -> dict[str, Any]:

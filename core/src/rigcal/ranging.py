@@ -11,10 +11,12 @@ from pydantic import Field, model_validator
 
 from rigcal.geometry.se3 import Array
 from rigcal.plugin.contract import Effects, SensorConfig
+from rigcal.plugin.refinable import Parameters, Refinable
 from rigcal.scene import Scene
 
 Limits = tuple[float, float]
 
+_TOLERABLE_BIAS_M = 0.01
 _RING = 6
 _RING_RADIUS = np.sqrt((_RING + 1) / (2 * _RING))
 """Rays on a ring and one in its middle, all of equal weight, spread like a disc of radius 1."""
@@ -56,6 +58,7 @@ class RangeConfig(SensorConfig, frozen=True):
     """The noise and the limits of a sensor of ranges; sensor types add their own fields.
 
     The noise of a range r has standard deviation `sigma_m + sigma_per_m r + sigma_per_m2 r^2`.
+    `range_bias_m` is taken off in residuals; a detector's first line or plane still has it.
     """
 
     range_min_m: float | None = Field(default=None, ge=0, description="nearest range used")
@@ -64,6 +67,9 @@ class RangeConfig(SensorConfig, frozen=True):
     sigma_per_m: float = Field(default=0.0, ge=0, description="noise of a range, part per metre")
     sigma_per_m2: float = Field(
         default=0.0, ge=0, description="noise of a range, part per square metre (depth cameras)"
+    )
+    range_bias_m: float = Field(
+        default=0.0, description="by how much its ranges are too long; with refine, where it starts"
     )
     sigma_angle_deg: float = Field(default=0.0, ge=0, description="noise of a beam's direction")
     filter: dict[str, Annotated[float | Limits, Field(union_mode="left_to_right")]] = Field(
@@ -96,6 +102,26 @@ class RangeConfig(SensorConfig, frozen=True):
         """The noise of ranges and angles."""
         angle = float(np.radians(self.sigma_angle_deg))
         return RangeNoise(self.sigma_m, self.sigma_per_m, self.sigma_per_m2, angle)
+
+
+def _bias_parameters(config: RangeConfig) -> Parameters:
+    return Parameters(
+        names=("range_bias_m",),
+        units=("m",),
+        values=np.array([config.range_bias_m]),
+        effect=np.array([[1 / _TOLERABLE_BIAS_M]]),
+        tolerable=f"{1000 * _TOLERABLE_BIAS_M:g} mm",
+        advice="a bias looks like a shift of the sensor where all boards stand in one direction: "
+        "show the board on opposite sides, near and far, together with another sensor",
+    )
+
+
+def _with_bias(config: RangeConfig, values: Array) -> RangeConfig:
+    return config.model_copy(update={"range_bias_m": float(values[0])})
+
+
+RANGE_BIAS = Refinable(_bias_parameters, _with_bias)
+"""The bias of all ranges of a sensor, as `refine: [range_bias]` asks for it."""
 
 
 class RangeEffects(Effects, frozen=True):
@@ -144,7 +170,7 @@ def measure(
     true = _footprint_ranges(scene, p_w, d_w, np.radians(effects.divergence_deg))
     returned = np.isfinite(true)
     ranges = np.where(returned, true, 0.0)
-    ranges = ranges + noise * config.noise.of(ranges) + effects.bias_m
+    ranges = ranges + noise * config.noise.of(ranges) + effects.bias_m + config.range_bias_m
     low, high = config.limits
     if effects.outliers > 0 and returned.any():
         wild = rng.random(len(ranges)) < effects.outliers

@@ -1,4 +1,4 @@
-"""Default residuals by geometry, and the constant-cost residual of laser beams.
+"""Default residuals by geometry; with those of planes and beams, all that core offers.
 
 Each implements `rigcal.plugin.StackableResidual`: whitened error and Jacobian as a function of
 `T_s_t`, for many observations at once.
@@ -15,12 +15,28 @@ import numpy as np
 from rigcal.errors import ObservationError, RigcalError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.geometry.shapes import plane_of_target, tangent_basis
+from rigcal.geometry.shapes import tangent_basis
 from rigcal.observation import Candidate, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
+from rigcal.plane_residual import (
+    BiasedPlaneResidual,
+    PlaneResidual,
+    beam_residual,
+    biased_beam_residual,
+)
 from rigcal.plugin.contract import Residual, SensorConfig, SensorType, Stacked
 from rigcal.targets.target import Target
 
-_E_Z = np.array([0.0, 0.0, 1.0])
+__all__ = [
+    "BiasedPlaneResidual",
+    "PlaneResidual",
+    "PointResidual",
+    "PoseResidual",
+    "beam_residual",
+    "biased_beam_residual",
+    "residual_of",
+    "residual_of_geometry",
+    "whitener",
+]
 
 
 def whitener(covariance: Array) -> Array:
@@ -33,111 +49,6 @@ def whitener(covariance: Array) -> Array:
             f"{np.linalg.eigvalsh(covariance)}); a detector must report variances above zero"
         ) from None
     result: Array = np.linalg.inv(L)
-    return result
-
-
-@dataclass(frozen=True, eq=False)
-class PlaneResidual:
-    """r = A [n; d] / s, linear in the target's plane `n . p + d = 0`; A is (m, 4), whitened.
-
-    s is 1, or with `planar` the length of n in the sensor's x-y plane: a scan in z = 0 sees only
-    the trace of the target's plane, whose normalised form has n_xy of unit length.
-    """
-
-    A: Array
-    planar: bool = False
-
-    @property
-    def block(self) -> int:
-        """All rows belong to one measurement of a plane or line."""
-        return len(self.A)
-
-    @property
-    def dof(self) -> int:
-        """One per row."""
-        return len(self.A)
-
-    def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
-        """r (m,) and J (m, 6) by a right perturbation of `T_s_t`."""
-        return self.stack([self])(T_s_t[None])
-
-    @classmethod
-    def stack(cls, residuals: Sequence[Self]) -> Stacked:
-        """All at once: dn = -R [e_z]_x w, dd = -dn . t - v_z."""
-        A = np.stack([r.A for r in residuals])
-        planar = np.array([r.planar for r in residuals])[:, None]
-
-        def evaluate(T_s_t: Array) -> tuple[Array, Array]:
-            n, d = plane_of_target(T_s_t)
-            dpi = np.zeros((len(A), 4, 6))
-            dpi[:, :3, :3] = -T_s_t[:, :3, :3] @ se3.skew(_E_Z)
-            dpi[:, 3] = -np.einsum("ki,kij->kj", T_s_t[:, :3, 3], dpi[:, :3])
-            dpi[:, 3, 5] = -1.0
-            r = np.einsum("kmi,ki->km", A, np.column_stack([n, d]))
-            J = A @ dpi
-            s = np.maximum(np.hypot(n[:, 0], n[:, 1]), 1e-9)[:, None]
-            ds = np.einsum("ki,kij->kj", n[:, :2], dpi[:, :2]) / s
-            r_planar = r / s
-            J_planar = (J - r_planar[:, :, None] * ds[:, None, :]) / s[:, :, None]
-            r = np.where(planar, r_planar, r)
-            J = np.where(planar[:, :, None], J_planar, J)
-            return r.reshape(-1), J.reshape(-1, 6)
-
-        return evaluate
-
-
-def beam_residual(
-    directions: Array,
-    ranges: Array,
-    sigma: Array,
-    normal: Array,
-    d: float,
-    *,
-    planar: bool = False,
-    origins: Array | None = None,
-) -> PlaneResidual:
-    """Measured range minus the range at which each beam meets the target's plane, whitened.
-
-    `t_i = -(n . p0_i + d) / (n . rho_i)` (MSG-Cal, eq. 4.12). directions rho (N, 3) unit, ranges
-    (N,), sigma (N,) of the range (m), origins p0 (N, 3) or None for the sensor's origin; normal
-    and d are a first plane (for `planar`, beams in z = 0: a first line, normal with z = 0).
-
-    The sum of squares over all beams is replaced by its sufficient statistic: with the
-    maximum-likelihood plane pi_0 and the points q_i where the beams meet it,
-    `M = sum [q_i; 1] [q_i; 1]^T / (sigma_i n_0 . rho_i)^2`; the cost of any plane pi is
-    `pi^T M pi` up to a constant and terms of third order. So an edge has 3 rows (2 for a scan)
-    however many beams it has. ObservationError if the beams do not determine a plane (line).
-    """
-    rank = 2 if planar else 3
-    p0 = np.zeros(3) if origins is None else origins
-    pi = np.append(normal, d) / np.linalg.norm(normal)
-    for _ in range(4):
-        cosine = directions @ pi[:3]
-        q, w = _meet(p0, directions, pi), 1 / (sigma * cosine)
-        error = ranges + (np.einsum("...i,i->...", p0, pi[:3]) + pi[3]) / cosine
-        rows = np.column_stack([q, np.ones(len(q))]) * w[:, None]
-        if planar:
-            rows[:, 2] = 0.0
-        # d(error) = [q; 1] . dpi / cosine; the step along pi itself changes nothing.
-        values, vectors = np.linalg.eigh(rows.T @ rows)
-        values, vectors = values[-rank:], vectors[:, -rank:]
-        if len(ranges) < rank or values[0] <= 1e-12 * values[-1]:
-            kind = "line" if planar else "plane"
-            raise ObservationError(f"{len(ranges)} beams do not determine a {kind}")
-        pi = pi - vectors @ ((vectors.T @ (rows.T @ (error / sigma))) / values)
-        pi /= np.linalg.norm(pi[:3])
-    rows = np.column_stack([_meet(p0, directions, pi), np.ones(len(ranges))])
-    rows /= (sigma * (directions @ pi[:3]))[:, None]
-    if planar:
-        rows[:, 2] = 0.0
-    values, vectors = np.linalg.eigh(rows.T @ rows)
-    return PlaneResidual(np.sqrt(values[-rank:, None]) * vectors[:, -rank:].T, planar)
-
-
-def _meet(p0: Array, directions: Array, pi: Array) -> Array:
-    """(N, 3) points where beams meet a plane pi = [n, d]."""
-    t = -(np.einsum("...i,i->...", p0, pi[:3]) + pi[3]) / (directions @ pi[:3])
-    result: Array = p0 + t[:, None] * directions
     return result
 
 

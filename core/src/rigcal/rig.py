@@ -144,6 +144,7 @@ def _parse(document: Document, registry: Registry) -> Rig:
     sensors = _members(problems, "sensors", lambda kind: registry.sensor_type(kind).config)
     _check_names(problems, sensors, targets)
     _check_poses(problems, sensors)
+    _check_refine(problems, sensors, registry)
     problems.raise_if_any()
     assert header is not None  # it is None only with a problem noted
     values = {name: getattr(header, name) for name in _RigFile.model_fields}
@@ -206,6 +207,23 @@ def _check_poses(problems: Problems, sensors: Mapping[str, SensorConfig]) -> Non
             chain.append(parents[chain[-1]])
         if parents.get(chain[-1]) == name == min(chain):
             problems.add(path, f"the poses go in a circle: {' -> '.join([*chain, name])}")
+
+
+def _check_refine(
+    problems: Problems, sensors: Mapping[str, SensorConfig], registry: Registry
+) -> None:
+    """What a sensor is to refine is offered by its type."""
+    for name, sensor in sensors.items():
+        offered = list(registry.sensor_type(sensor.type).refinable)
+        for i, asked in enumerate(sensor.refine):
+            path = ("sensors", name, "refine", i)
+            if not offered:
+                problems.add(path, f"a sensor of type {sensor.type} has nothing to refine")
+            elif asked not in offered:
+                found = f"{sensor.type} does not offer '{asked}'{nearest_of(asked, offered)}"
+                problems.add(path, found)
+            elif asked in sensor.refine[:i]:
+                problems.add(path, f"'{asked}' stands twice")
 
 
 def _union(configs: list[type[_C]], base: type[_C]) -> Any:

@@ -35,7 +35,7 @@ def problem(rng, sensors=3, boards=8):
 def test_marginal_covariance_is_that_of_gtsam():
     edges, T_root, T_board = problem(np.random.default_rng(0))
     fixed = frozenset({"s0"})
-    sensors, boards = solve(edges, T_root, T_board, fixed)
+    sensors, boards, _ = solve(edges, T_root, T_board, fixed)
     info = information(edges, sensors, boards, fixed)
 
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()

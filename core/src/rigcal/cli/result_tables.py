@@ -34,6 +34,9 @@ def print_calibration(calibration: Calibration) -> None:
         "used/found", "residual rms",
     )  # fmt: skip
     print_table("", columns, rows)
+    refined = tables.refined_rows(calibration)
+    if refined:
+        print_table("", ("<of", "<refined", "value", "sigma", "started at"), refined)
     print_graph_error(calibration.graph_error)
     _print_rejected(calibration)
     for warning in calibration.warnings:

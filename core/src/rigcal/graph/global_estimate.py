@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rigcal.errors import NotConvergedError
+from rigcal.errors import ConfigError, NotConvergedError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph import joint, msgcal
 from rigcal.graph.choice import best_ranked
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.method import Method
+from rigcal.graph.numbers import numbers_of
 from rigcal.graph.selection import Selection, first_board, select
 from rigcal.graph.solve import Solution, estimate
 from rigcal.graph.stages import Stages
@@ -57,7 +58,7 @@ def _solve_joint(stages: Stages, method: Method, progress: Progress | None) -> E
         for k, selection in selections.items():
             T_root_t = first_board(task.exposures[k], selection.chosen, start)
             boards[k] = selection.T_root_t if T_root_t is None else T_root_t
-        found, _ = joint.solve_robust(_edges(task, selections), start, boards, stages.fixed)
+        found = joint.solve_robust(_edges(task, selections), start, boards, stages.fixed).sensors
         # Some boards may have ended upside down: they are placed again by the sensors as found.
         stages = replace(stages, T_root=found)
         selections, refused = _select(stages, filtered=method.filtered)
@@ -65,6 +66,7 @@ def _solve_joint(stages: Stages, method: Method, progress: Progress | None) -> E
         _edges(task, selections), stages.T_root,
         {k: s.T_root_t for k, s in selections.items()}, stages.fixed, progress,
         estimate_noise=task.rig.noise == "estimated", reject=method.filtered,
+        numbers=numbers_of(task),
     )  # fmt: skip
     return Estimate(solution, selections, refused)
 
@@ -72,6 +74,11 @@ def _solve_joint(stages: Stages, method: Method, progress: Progress | None) -> E
 def _solve_msgcal(stages: Stages, method: Method, progress: Progress | None) -> Estimate:
     """The graph's sensors; the boards are those that fit the measurements best with them."""
     task, tell = stages.task, progress or (lambda *_: None)
+    if len(numbers_of(task)):
+        raise ConfigError(
+            "the formulation msgcal estimates poses only: take `refine` out of the rig file, or "
+            "use the formulation joint"
+        )
     tell("global estimate", 0, 1)
     graph = stages.graph(filtered=method.filtered)
     solved = msgcal.solve(graph, stages.start(method), stages.fixed)
@@ -84,7 +91,7 @@ def _solve_msgcal(stages: Stages, method: Method, progress: Progress | None) -> 
             selections[x.exposure] = Selection(T_root_t, chosen, left_out, has_pose=True)
     edges = _edges(task, selections)
     boards = {exposure: s.T_root_t for exposure, s in selections.items()}
-    _, boards = joint.solve(edges, solved.sensors, boards, frozenset(solved.sensors))
+    boards = joint.solve(edges, solved.sensors, boards, frozenset(solved.sensors)).targets
     refused = {k: _NO_EDGE for k in task.exposures if k not in selections}
     tell("global estimate", 1, 1)
     solution = Solution(solved.sensors, boards, tuple(edges), solved.information, {}, {})

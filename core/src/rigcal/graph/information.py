@@ -10,6 +10,7 @@ import numpy as np
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.numbers import NO_NUMBERS, Numbers
 from rigcal.graph.stack import Blocks, EdgeStack, Index, poses_of
 
 # Smaller eigenvalues of an edge's information, by the largest, are rounding.
@@ -35,8 +36,9 @@ class EdgeFit:
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """`sensors` names the free sensors; `matrix` (6 S, 6 S) is their information after the target
-    poses are eliminated (Schur complement), `covariance` its inverse.
+    """`sensors` names the free sensors; `matrix` (6 S + Q, 6 S + Q) is the information of their
+    poses and the Q numbers (in units) after the target poses are eliminated (Schur complement),
+    `covariance` its inverse.
     """
 
     sensors: tuple[str, ...]
@@ -49,6 +51,12 @@ class Information:
         i = 6 * self.sensors.index(sensor)
         return self.covariance[i : i + 6, i : i + 6]
 
+    @property
+    def covariance_of_numbers(self) -> Array:
+        """(Q, Q) marginal covariance of the numbers, in units."""
+        i = 6 * len(self.sensors)
+        return self.covariance[i:, i:]
+
 
 def information(
     edges: Sequence[SensorTargetEdge],
@@ -56,6 +64,7 @@ def information(
     targets: Mapping[str, Array],
     fixed: frozenset[str],
     judged: Sequence[SensorTargetEdge] = (),
+    numbers: Numbers = NO_NUMBERS,
 ) -> Information:
     """Gauss-Newton information of `edges` at their solution, and how every edge fits it.
 
@@ -66,20 +75,20 @@ def information(
     small. The root and other `fixed` sensors have no block.
     """
     every = (*edges, *judged)
-    stack = EdgeStack(every, list(sensors), list(targets))
+    stack = EdgeStack(every, list(sensors), list(targets), numbers)
     T_s_t = stack.relative(poses_of(sensors), poses_of(targets))
-    stack.check(T_s_t)
-    blocks = stack.blocks(T_s_t)
+    stack.check(T_s_t, numbers)
+    blocks = stack.blocks(T_s_t, numbers=numbers)
     free = tuple(s for s in sensors if s not in fixed)
     number = {s: i for i, s in enumerate(free)}
     column = np.array([number.get(e.sensor, -1) for e in every], dtype=np.int64)
     ends = _Ends(column, stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
     rests = np.arange(len(every)) < len(edges)
     matrix, gain, inverse_tt = _eliminate(
-        blocks.H * rests[:, None, None], ends, len(free), len(targets)
+        blocks.H * rests[:, None, None], ends, len(free), len(targets), numbers
     )
     covariance, root = _inverse(matrix)
-    predicted = _predicted(ends, gain, inverse_tt, root)
+    predicted = _predicted(ends, gain, inverse_tt, root, len(numbers))
     leverage = np.where(rests, np.einsum("eij,eji->e", predicted, blocks.H), 0.0)
     misfit, dof = _misfit(blocks, np.where(rests[:, None, None], 0.0, predicted))
     columns = blocks.chi2, leverage, misfit, dof
@@ -99,53 +108,65 @@ class _Ends:
     A: Array
 
 
-def _eliminate(H: Array, ends: _Ends, sensors: int, targets: int) -> tuple[Array, Array, Array]:
-    """Information of the sensors (6 S, 6 S) without the targets.
+def _eliminate(
+    H: Array, ends: _Ends, sensors: int, targets: int, numbers: Numbers
+) -> tuple[Array, Array, Array]:
+    """Information of sensors and numbers (6 S + Q, 6 S + Q) without the targets.
 
-    With it the targets' dependence on the sensors, gain (K, 6, 6 S), and the inverse of their own
+    With it the targets' dependence on them, gain (K, 6, 6 S + Q), and the inverse of their own
     information (K, 6, 6).
     """
     H_tt = np.tile(np.eye(6) * 1e-6, (targets, 1, 1))
-    np.add.at(H_tt, ends.exposure, H)
+    np.add.at(H_tt, ends.exposure, H[:, :6, :6])
     own = ends.column >= 0
     s, k, A = ends.column[own], ends.exposure[own], ends.A[own]
     H_ts = np.zeros((targets, sensors, 6, 6))
-    J = -H[own] @ A
+    J = -H[own, :6, :6] @ A
     np.add.at(H_ts, (k, s), J)
     H_ss = np.zeros((sensors, sensors, 6, 6))
     np.add.at(H_ss, (s, s), -np.swapaxes(A, 1, 2) @ J)
-    rows = np.swapaxes(H_ts, 1, 2).reshape(targets, 6, 6 * sensors)
-    gain = np.asarray(np.linalg.solve(H_tt, rows), dtype=np.float64)
+    H_tn, H_sn = np.zeros((targets, 6, len(numbers))), np.zeros((sensors, 6, len(numbers)))
+    np.add.at(H_tn, ends.exposure, H[:, :6, 6:])
+    np.add.at(H_sn, s, -np.swapaxes(A, 1, 2) @ H[own, :6, 6:])
+    H_nn = H[:, 6:, 6:].sum(axis=0) + np.diag(numbers.known)
     dense = np.swapaxes(H_ss, 1, 2).reshape(6 * sensors, 6 * sensors)
+    beside = H_sn.reshape(6 * sensors, -1)
+    dense = np.block([[dense, beside], [beside.T, H_nn]])
+    rows = np.swapaxes(H_ts, 1, 2).reshape(targets, 6, 6 * sensors)
+    rows = np.concatenate([rows, H_tn], axis=2)
+    gain = np.asarray(np.linalg.solve(H_tt, rows), dtype=np.float64)
     matrix: Array = dense - np.tensordot(rows, gain, ((0, 1), (0, 1)))
     return matrix, gain, np.asarray(np.linalg.inv(H_tt), dtype=np.float64)
 
 
-def _predicted(ends: _Ends, gain: Array, inverse_tt: Array, root: Array) -> Array:
-    """(E, 6, 6) covariances of `T_s_t`, by the covariance `root root^T` of the sensors.
+def _predicted(ends: _Ends, gain: Array, inverse_tt: Array, root: Array, numbers: int) -> Array:
+    """(E, 6 + Q, 6 + Q) covariances of `T_s_t` and the numbers, by that of sensors and numbers.
 
-    The dependence through the target and the direct one are added before they are squared: in a
-    direction that the data leave open both are huge and cancel.
+    That covariance is `root root^T`. The dependence of `T_s_t` through the target and the direct
+    one are added before they are squared: in a direction that the data leave open both are huge
+    and cancel.
     """
-    through = gain @ root
-    result = inverse_tt[ends.exposure]
+    through, direct = gain @ root, root[len(root) - numbers :]
+    result = np.zeros((len(ends.column), 6 + numbers, 6 + numbers))
+    result[:, :6, :6] = inverse_tt[ends.exposure]
     for column in np.unique(ends.column):
         own = ends.column == column
         rows = through[ends.exposure[own]]
         if column >= 0:
             rows = rows + ends.A[own] @ root[6 * column : 6 * column + 6]
+        rows = np.concatenate([rows, np.tile(-direct, (len(rows), 1, 1))], axis=1)
         result[own] += rows @ np.swapaxes(rows, 1, 2)
     return result
 
 
 def _misfit(blocks: Blocks, predicted: Array) -> tuple[Array, Index]:
     """Misfit (E,) and its degrees of freedom, in the span of what an edge can say of `T_s_t`."""
-    values, vectors = np.linalg.eigh(blocks.H)
+    values, vectors = np.linalg.eigh(blocks.H[:, :6, :6])
     known = values > _RANK * np.maximum(values[:, -1:], 1e-300)
     scale = np.sqrt(np.where(known, values, 0.0))
-    u = np.einsum("eji,ej->ei", vectors, blocks.g) * known / np.where(known, scale, 1.0)
+    u = np.einsum("eji,ej->ei", vectors, blocks.g[:, :6]) * known / np.where(known, scale, 1.0)
     basis = vectors * scale[:, None, :]
-    spread = np.eye(6) + np.swapaxes(basis, 1, 2) @ predicted @ basis
+    spread = np.eye(6) + np.swapaxes(basis, 1, 2) @ predicted[:, :6, :6] @ basis
     misfit = np.sum(u * np.linalg.solve(spread, u[..., None])[..., 0], axis=1)
     return misfit, known.sum(axis=1)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.linear import LinearSystem
+from rigcal.graph.numbers import NO_NUMBERS, Numbers
 from rigcal.graph.stack import Blocks, EdgeStack, poses_of
 
 HUBER_K = 1.5
@@ -30,8 +32,13 @@ _LEAST_DAMPING, _FREE_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _TOLERANCE, _ROBUST_TOLERANCE, _ROUNDING = 1e-11, 1e-4, 1e-8
 _FAR_M = 1e4
 
-Poses = tuple[dict[str, Array], dict[str, Array]]
-"""`T_root_s` by sensor and `T_root_t` by exposure."""
+
+class Found(NamedTuple):
+    """`T_root_s` by sensor, `T_root_t` by exposure, and the numbers beside them."""
+
+    sensors: dict[str, Array]
+    targets: dict[str, Array]
+    numbers: Numbers
 
 
 def solve(
@@ -39,20 +46,21 @@ def solve(
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     fixed: frozenset[str],
-) -> Poses:
+    numbers: Numbers = NO_NUMBERS,
+) -> Found:
     """Sensor poses `T_root_s` and target poses `T_root_t` that minimise the sum of squares.
 
     `sensors` and `targets` hold first poses (4, 4); those named in `fixed` (the root among them)
-    stay as they are. NotConvergedError if the minimum was not reached; PluginError if a residual
-    breaks its contract.
+    stay as they are. `numbers` are estimated with them, from their values on. NotConvergedError if
+    the minimum was not reached; PluginError if a residual breaks its contract.
     """
-    poses, problem = _minimise(edges, sensors, targets, fixed, np.inf, _TOLERANCE)
+    found, problem = _minimise(edges, sensors, targets, fixed, numbers, np.inf, _TOLERANCE)
     if problem:
         raise NotConvergedError(
             f"the global estimate did not converge: {problem}. Check the sensors' intrinsics and "
             "the target's size in the rig file"
         )
-    return poses
+    return found
 
 
 def solve_robust(
@@ -60,21 +68,23 @@ def solve_robust(
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     fixed: frozenset[str],
-) -> Poses:
+    numbers: Numbers = NO_NUMBERS,
+) -> Found:
     """The same with Huber's loss on each block, by iteratively reweighted least squares.
 
     (P. J. Huber, Robust Statistics, 1981, ch. 7.) It serves as a start that outliers have not
     dragged away, so it stops early.
     """
-    return _minimise(edges, sensors, targets, fixed, HUBER_K, _ROBUST_TOLERANCE)[0]
+    return _minimise(edges, sensors, targets, fixed, numbers, HUBER_K, _ROBUST_TOLERANCE)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Poses (S, 4, 4), (K, 4, 4), and the edges' normal equations there."""
+    """Poses (S, 4, 4), (K, 4, 4), numbers, and the edges' normal equations there."""
 
     T_root_s: Array
     T_root_t: Array
+    numbers: Numbers
     T_s_t: Array
     blocks: Blocks
     chi2: float
@@ -85,21 +95,23 @@ def _minimise(
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     fixed: frozenset[str],
+    numbers: Numbers,
     huber_k: float,
     tolerance: float,
-) -> tuple[Poses, str]:
-    """The best poses, and why they are not the minimum; empty if they are."""
-    stack = EdgeStack(edges, list(sensors), list(targets))
+) -> tuple[Found, str]:
+    """The best poses and numbers, and why they are not the minimum; empty if they are."""
+    stack = EdgeStack(edges, list(sensors), list(targets), numbers)
     free = np.array([s not in fixed for s in sensors], dtype=bool)
-    system = LinearSystem(stack.sensor, stack.exposure, free, len(targets))
-    state = _state(stack, poses_of(sensors), poses_of(targets), huber_k)
-    stack.check(state.T_s_t)
+    system = LinearSystem(stack.sensor, stack.exposure, free, len(targets), numbers)
+    state = _state(stack, poses_of(sensors), poses_of(targets), numbers, huber_k)
+    stack.check(state.T_s_t, numbers)
     damping, problem = _LEAST_DAMPING, "its steps do not end"
     for _ in range(_MOST_ITERATIONS):
-        step_s, step_t, promised = system.solve(state.blocks, state.T_s_t, damping)
-        trial = _state(
-            stack, state.T_root_s @ se3.exp(step_s), state.T_root_t @ se3.exp(step_t), huber_k
+        step_s, step_t, step_n, promised = system.solve(
+            state.blocks, state.T_s_t, state.numbers, damping
         )
+        T_root_s, T_root_t = state.T_root_s @ se3.exp(step_s), state.T_root_t @ se3.exp(step_t)
+        trial = _state(stack, T_root_s, T_root_t, state.numbers.stepped(step_n), huber_k)
         share = promised / (1 + state.chi2)
         is_last = share <= (tolerance if trial.chi2 <= state.chi2 else _ROUNDING)
         if trial.chi2 < state.chi2 and _is_near(trial):
@@ -112,16 +124,20 @@ def _minimise(
         if is_last and damping <= _FREE_DAMPING:
             problem = _unseen(stack, state, list(sensors), free)
             break
-    return (
+    return Found(
         dict(zip(sensors, state.T_root_s, strict=True)),
         dict(zip(targets, state.T_root_t, strict=True)),
+        state.numbers,
     ), problem
 
 
-def _state(stack: EdgeStack, T_root_s: Array, T_root_t: Array, huber_k: float) -> _State:
+def _state(
+    stack: EdgeStack, T_root_s: Array, T_root_t: Array, numbers: Numbers, huber_k: float
+) -> _State:
     T_s_t = stack.relative(T_root_s, T_root_t)
-    blocks = stack.blocks(T_s_t, huber_k)
-    return _State(T_root_s, T_root_t, T_s_t, blocks, float(blocks.chi2.sum()))
+    blocks = stack.blocks(T_s_t, huber_k, numbers)
+    known = float(numbers.known @ numbers.off_start**2)
+    return _State(T_root_s, T_root_t, numbers, T_s_t, blocks, float(blocks.chi2.sum()) + known)
 
 
 def _is_near(state: _State) -> bool:
@@ -133,7 +149,7 @@ def _unseen(
     stack: EdgeStack, state: _State, sensors: Sequence[str], free: NDArray[np.bool_]
 ) -> str:
     """Names a sensor that stands still only because no residual of its depends on its pose."""
-    says_nothing = np.abs(state.blocks.H).max(axis=(1, 2), initial=0.0) == 0
+    says_nothing = np.abs(state.blocks.H[:, :6, :6]).max(axis=(1, 2), initial=0.0) == 0
     for i in np.flatnonzero(free).tolist():
         own = stack.sensor == i
         if own.any() and says_nothing[own].all():

@@ -6,7 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rigcal.calibration import Calibration, GraphError, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration import (
+    Calibration,
+    GraphError,
+    RefinedNumber,
+    Rejection,
+    ResidualStatistics,
+    SensorResult,
+)
 from rigcal.geometry import se3
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.global_estimate import Estimate
@@ -26,6 +33,7 @@ _SUSPICIOUS_SCALE = 5.0
 def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibration:
     """The calibration of all sensors; every observation that is no inlier is in `rejected`."""
     task, solution, selections = stages.task, estimate.solution, estimate.selections
+    refined = _refined(solution)
     sensors = {}
     for name in task.rig.sensors:
         own = [e for e in solution.edges if e.sensor == name]
@@ -39,6 +47,7 @@ def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibrati
             len(own),
             _statistics(task, solution, name, own, selections),
             solution.scales.get(name),
+            refined["sensors"].get(name, {}),
         )
     rejected = tuple(
         Rejection(name, exposure, o.origin, reason)
@@ -54,7 +63,24 @@ def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibrati
         (*_noise_warnings(solution), *_warnings(stages.pairs)),
         {"seed": stages.seed, **vars(method)},
         graph_error=_graph_error(stages, solution, method),
+        refined_targets=refined["targets"],
     )
+
+
+def _refined(solution: Solution) -> dict[str, dict[str, dict[str, RefinedNumber]]]:
+    """What was refined, of sensors and of targets, by owner and name."""
+    numbers = solution.numbers
+    found: dict[str, dict[str, dict[str, RefinedNumber]]] = {"sensors": {}, "targets": {}}
+    if not len(numbers):
+        return found
+    covariance = numbers.covariance(solution.information.covariance_of_numbers)
+    sigma = np.sqrt(np.diagonal(covariance))
+    for g in numbers.groups:
+        own = found["targets" if g.is_target else "sensors"].setdefault(g.owner, {})
+        for i, name in enumerate(g.parameters.names, start=g.start):
+            value, spread, start = (float(v[i]) for v in (numbers.values, sigma, numbers.start))
+            own[name] = RefinedNumber(value, spread, start, g.parameters.units[i - g.start])
+    return found
 
 
 def _graph_error(stages: Stages, solution: Solution, method: Method) -> GraphError | None:
@@ -88,6 +114,7 @@ def _statistics(
     Of the geometry's errors if the type offers no others, or if a candidate was made by hand.
     """
     kind, target = task.kinds[name], task.target(name)
+    config = solution.numbers.applied(name, task)
     seen = [
         (e, task.exposures[e.exposure][name].candidates[selections[e.exposure].chosen[name]])
         for e in own
@@ -96,10 +123,11 @@ def _statistics(
     values = []
     for edge, candidate in seen:
         T_s_t = se3.inverse(solution.sensors[name]) @ solution.targets[edge.exposure]
+        T_s_t = solution.numbers.seen(name, T_s_t)
         if kind.errors is None or not raw:
             values.append(np.array([misfit(candidate.geometry, T_s_t, target)]))
             continue
-        errors = kind.errors(candidate, task.rig.sensors[name], target, T_s_t)
+        errors = kind.errors(candidate, config, target, T_s_t)
         if edge.keep is not None and len(edge.keep) == len(errors):
             errors = errors[edge.keep]
         values.append(errors.reshape(-1))

@@ -13,6 +13,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.graph import joint
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.information import EdgeFit, Information, information
+from rigcal.graph.numbers import NO_NUMBERS, Numbers, check_determined
 from rigcal.graph.stack import EdgeStack, poses_of
 from rigcal.progress import Progress
 
@@ -22,13 +23,16 @@ _BLOCK_SIGMAS = 5.0
 _MOST_ROUNDS = 6
 # Below so many redundant rows a sensor's noise cannot be told from its configured value.
 _ENOUGH_ROWS = 20.0
+# Real noise is seldom below this share of the configured one.
+_WIDE_OPEN = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Poses in the root, the edges that count and their statistics; reasons for those dropped.
 
-    `scales` is the estimated over the configured noise per sensor.
+    `scales` is the estimated over the configured noise per sensor. `numbers` is what was refined
+    beside the poses.
     """
 
     sensors: Mapping[str, Array]
@@ -37,6 +41,7 @@ class Solution:
     information: Information
     dropped: Mapping[tuple[str, str], str]
     scales: Mapping[str, float]
+    numbers: Numbers = NO_NUMBERS
 
 
 def estimate(
@@ -48,6 +53,7 @@ def estimate(
     *,
     estimate_noise: bool = True,
     reject: bool = True,
+    numbers: Numbers = NO_NUMBERS,
 ) -> Solution:
     """Maximum likelihood on the inliers.
 
@@ -55,13 +61,20 @@ def estimate(
     chi-square test of every edge and block, a solution on what remains, until that stays the same.
     With `estimate_noise` false the configured noise weighs the edges, and the estimated one is
     only reported. Without `reject` no edge is tested, masked or weighed down for being far off.
-    NotConvergedError if a solution is not reached.
+    `numbers` are held in a first robust solution and free from then on.
+    NotConvergedError if a solution is not reached; NotDeterminedError if the data leave numbers
+    open.
     """
     tell = progress or (lambda *_: None)
     tell("global estimate", 0, _MOST_ROUNDS + 1)
     first = joint.solve_robust if reject else joint.solve
-    poses, boards = first(edges, sensors, targets, fixed)
-    info = information(edges, poses, boards, fixed)
+    poses, boards, _ = first(edges, sensors, targets, fixed)
+    if len(numbers):
+        # What is wide open, at the configured noise, would lead the solution astray.
+        info = information(edges, poses, boards, fixed, numbers=numbers)
+        check_determined(numbers, info.covariance_of_numbers, _WIDE_OPEN)
+        poses, boards, numbers = first(edges, poses, boards, fixed, numbers)
+    info = information(edges, poses, boards, fixed, numbers=numbers)
     alive, dropped, scales = list(edges), dict[tuple[str, str], str](), _scales(info.fits, {})
     for round_ in range(_MOST_ROUNDS):
         tell("global estimate", round_ + 1, _MOST_ROUNDS + 1)
@@ -69,7 +82,7 @@ def estimate(
         weights = scales if estimate_noise else dict.fromkeys(scales, 1.0)
         judged = {(e.sensor, e.exposure) for e in edges}
         if reject:
-            alive, refused = _inliers(edges, alive, poses, boards, fixed, weights)
+            alive, refused = _inliers(edges, alive, poses, boards, fixed, weights, numbers)
         else:
             alive, refused = [replace(e, scale=weights[e.sensor]) for e in edges], {}
         # Exposures that lost all their edges in an earlier round keep the reason given then.
@@ -77,8 +90,8 @@ def estimate(
         used = {e.exposure for e in alive}
         boards = {k: T for k, T in boards.items() if k in used}
         edges = [e for e in edges if e.exposure in used]
-        poses, boards = joint.solve(alive, poses, boards, fixed)
-        info = information(alive, poses, boards, fixed)
+        poses, boards, numbers = joint.solve(alive, poses, boards, fixed, numbers)
+        info = information(alive, poses, boards, fixed, numbers=numbers)
         scales = _scales(info.fits, scales)
         settled = not estimate_noise or all(
             abs(scales[e.sensor] / e.scale - 1) < 0.01 for e in alive
@@ -86,7 +99,8 @@ def estimate(
         if _signature(alive) == before and settled:
             break
     tell("global estimate", _MOST_ROUNDS + 1, _MOST_ROUNDS + 1)
-    return Solution(poses, boards, tuple(alive), info, dropped, scales)
+    check_determined(numbers, info.covariance_of_numbers)
+    return Solution(poses, boards, tuple(alive), info, dropped, scales, numbers)
 
 
 def _signature(edges: Sequence[SensorTargetEdge]) -> set[tuple[str, str, bytes]]:
@@ -160,6 +174,7 @@ def _inliers(
     targets: Mapping[str, Array],
     fixed: frozenset[str],
     scales: Mapping[str, float],
+    numbers: Numbers,
 ) -> tuple[list[SensorTargetEdge], dict[tuple[str, str], str]]:
     """The edges that pass, with their outlier blocks masked, and why the others do not.
 
@@ -168,13 +183,14 @@ def _inliers(
     """
     from scipy.stats import chi2 as law
 
-    masked = _masked([replace(e, scale=scales[e.sensor]) for e in edges], sensors, targets)
+    rescaled = [replace(e, scale=scales[e.sensor]) for e in edges]
+    masked = _masked(rescaled, sensors, targets, numbers)
     kept, dropped = [], {}
     names = {(e.sensor, e.exposure) for e in alive}
     used = [e for e in masked if (e.sensor, e.exposure) in names]
     others = [e for e in masked if (e.sensor, e.exposure) not in names]
     limits = np.asarray(law.isf(_SIGNIFICANCE, np.arange(7)))
-    for fit in information(used, sensors, targets, fixed, others).fits:
+    for fit in information(used, sensors, targets, fixed, others, numbers).fits:
         edge, name = fit.edge, (fit.edge.sensor, fit.edge.exposure)
         blocks = 1.0 if edge.keep is None else float(edge.keep.mean())
         limit = float(limits[max(fit.misfit_dof, 1)])
@@ -195,12 +211,15 @@ def _inliers(
 
 
 def _masked(
-    edges: Sequence[SensorTargetEdge], sensors: Mapping[str, Array], targets: Mapping[str, Array]
+    edges: Sequence[SensorTargetEdge],
+    sensors: Mapping[str, Array],
+    targets: Mapping[str, Array],
+    numbers: Numbers,
 ) -> list[SensorTargetEdge]:
     """Masks blocks beyond `_BLOCK_SIGMAS` in edges of many; one of few stands or falls whole."""
     plain = [replace(e, keep=None) for e in edges]
-    stack = EdgeStack(plain, list(sensors), list(targets))
-    sizes = stack.sizes(stack.relative(poses_of(sensors), poses_of(targets)))
+    stack = EdgeStack(plain, list(sensors), list(targets), numbers)
+    sizes = stack.sizes(stack.relative(poses_of(sensors), poses_of(targets)), numbers)
     result = []
     for edge, size in zip(plain, sizes, strict=True):
         keep: NDArray[np.bool_] = size < _BLOCK_SIGMAS

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         StackableResidual,
     )
     from rigcal.plugin.offer import Command, FileSchema
+    from rigcal.plugin.refinable import Parameters, Refinable, RefinableResidual
     from rigcal.plugin.registry import BrokenPlugin, Plugin, Registry
     from rigcal.recording.format import RecordingFormat
     from rigcal.recording.message import Definitions, Message, Recording, Source
@@ -55,6 +56,7 @@ _HOMES = {
         "PoseGeometry",
     ),
     "plugin.offer": ("Command", "FileSchema"),
+    "plugin.refinable": ("Parameters", "Refinable", "RefinableResidual"),
     "plugin.registry": ("BrokenPlugin", "Plugin", "Registry"),
     "recording.format": ("RecordingFormat",),
     "recording.message": ("Definitions", "Message", "Recording", "Source"),
@@ -81,6 +83,7 @@ __all__ = [
     "LineGeometry",
     "Message",
     "ObservationError",
+    "Parameters",
     "Patch",
     "PlaneGeometry",
     "Plugin",
@@ -90,6 +93,8 @@ __all__ = [
     "Recording",
     "RecordingError",
     "RecordingFormat",
+    "Refinable",
+    "RefinableResidual",
     "Registry",
     "Residual",
     "Rig",

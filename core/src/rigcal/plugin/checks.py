@@ -17,6 +17,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 def _check_sensor(sensor: Any) -> None:
     from rigcal.plugin.contract import CONTRACT_VERSION, Effects, SensorConfig, SensorType
+    from rigcal.plugin.refinable import Refinable
 
     if not isinstance(sensor, SensorType):
         raise PluginError(f"rigcal_sensor_types offers {_shown(sensor)}, expected a SensorType")
@@ -43,6 +44,13 @@ def _check_sensor(sensor: Any) -> None:
         raise PluginError(
             f"sensor type '{sensor.name}': effects is {sensor.effects!r}, expected an Effects class"
         )
+    offered = sensor.refinable
+    if not (
+        isinstance(offered, Mapping) and all(isinstance(r, Refinable) for r in offered.values())
+    ):
+        raise PluginError(
+            f"sensor type '{sensor.name}': refinable is {offered!r}, expected a Refinable by name"
+        )
     for part, function in vars(sensor).items():
         optional = SensorType.__dataclass_fields__[part].default is None
         if part not in _DATA_FIELDS and not (callable(function) or (optional and not function)):
@@ -52,7 +60,7 @@ def _check_sensor(sensor: Any) -> None:
 
 
 _DATA_FIELDS = {"name", "config", "message_types", "message_definitions", "unit", "message_type"}
-_DATA_FIELDS |= {"contract", "effects", "flat"}
+_DATA_FIELDS |= {"contract", "effects", "flat", "angular", "refinable"}
 
 
 def _check_target(target: Any) -> None:

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection
+from rigcal.plugin.refinable import Refinable
 from rigcal.recording.message import Definitions, Message, Source
 from rigcal.scene import Scene
 from rigcal.targets.target import Target
@@ -90,6 +91,9 @@ class SensorConfig(BaseModel):
         default=None, description="`pose`: start the estimate from the pose given here"
     )
     fixed: bool = Field(default=False, description="keep the pose given here, do not estimate it")
+    refine: tuple[str, ...] = Field(
+        default=(), description="what of this sensor is estimated together with the poses"
+    )
 
     @model_validator(mode="after")
     def _pose_is_there(self) -> SensorConfig:
@@ -228,6 +232,10 @@ class SensorType:
     view            (message, config) -> FrameView: the data as pictures and reports show them
     project         (points (N, 3) in the sensor's frame, config) -> pixels (N, 2) in the image of
                     its `view`, and which (N,) are in it; for sensors that make images
+    angular         whether it measures directions only: a target s times as large and s times as
+                    far looks the same to it
+    refinable       numbers of its config that the data may refine, by the name that `refine` lists;
+                    its residuals are then `RefinableResidual`
     """
 
     name: str
@@ -249,6 +257,8 @@ class SensorType:
     flat: bool = False
     view: View | None = None
     project: Project | None = None
+    angular: bool = False
+    refinable: Mapping[str, Refinable] = field(default_factory=dict, hash=False)
     message_definitions: Definitions = field(default_factory=dict, hash=False)
     contract: int = CONTRACT_VERSION
     fit: Fit | None = None

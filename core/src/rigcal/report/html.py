@@ -65,6 +65,7 @@ def _context(
         "sensors": list(calibration.sensors),
         "transforms": tables.transform_rows(calibration),
         "residuals": tables.residual_rows(calibration),
+        "refined": tables.refined_rows(calibration),
         "exposures": tables.exposure_rows(calibration, observations),
         "rejections": tables.rejections(calibration, observations),
         "provenance": tables.provenance_rows(calibration.provenance),

@@ -122,6 +122,21 @@ def residual_rows(calibration: Calibration) -> list[ResidualRow]:
     return rows
 
 
+def refined_rows(calibration: Calibration) -> list[tuple[str, ...]]:
+    """Owner, name, value, sigma and first value of everything that was refined."""
+    owners = {s: result.refined for s, result in calibration.sensors.items()}
+    return [
+        (owner, name, *(_with_unit(v, n.unit) for v in (n.value, n.sigma, n.start)))
+        for owner, numbers in (*owners.items(), *calibration.refined_targets.items())
+        for name, n in numbers.items()
+    ]
+
+
+def _with_unit(value: float, unit: str) -> str:
+    factor, unit = _UNITS.get(unit, (1.0, unit))
+    return f"{value * factor:.6g} {unit}".strip()
+
+
 def exposure_rows(
     calibration: Calibration, observations: Iterable[Observation]
 ) -> list[ExposureRow]:

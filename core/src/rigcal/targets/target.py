@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ class TargetConfig(BaseModel):
     height_m: float | None = Field(default=None, gt=0, description="height of the board")
     offset_m: tuple[float, float] = Field(
         default=(0.0, 0.0), description="centre of the pattern, from the centre of the board"
+    )
+    refine: tuple[Literal["scale"], ...] = Field(
+        default=(), description="what is estimated together with the poses: [scale] of the print"
     )
 
 

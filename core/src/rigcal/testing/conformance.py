@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
@@ -10,12 +10,13 @@ import pytest
 from rigcal.testing.config_checks import ConfigChecks
 from rigcal.testing.estimate_checks import EstimateChecks
 from rigcal.testing.message_checks import MessageChecks
+from rigcal.testing.refine_checks import RefineChecks
 from rigcal.testing.residual_checks import ResidualChecks
 from rigcal.testing.simulator_checks import SimulatorChecks
 
 
 class SensorConformance(
-    ConfigChecks, MessageChecks, ResidualChecks, SimulatorChecks, EstimateChecks
+    ConfigChecks, MessageChecks, ResidualChecks, RefineChecks, SimulatorChecks, EstimateChecks
 ):
     """Inherit it, name the sensor type and a config, and run pytest:
 
@@ -37,6 +38,8 @@ class SensorConformance(
     - without noise, frame -> detect -> residual is near zero at the true pose; the residual is
       whitened, its Jacobian is its derivative, its order of rows does not matter; damaged
       measurements are an ObservationError (`residual_checks`);
+    - what its config can refine starts where the config says, comes back from `apply`, and moves
+      the residual as its derivative claims (`refine_checks`);
     - the simulator has the configured noise, is repeatable, agrees with `sees`, and depends on
       relative poses only (`simulator_checks`);
     - a rig of this sensor and a reference is calibrated, and its covariance is true: the
@@ -80,7 +83,7 @@ class SensorConformance(
     def test_capability(self, capability: str) -> None:
         """Lists what the type offers; an optional part is a function or is absent."""
         part = getattr(self.sensor_type, capability)
-        assert part is None or callable(part)
+        assert part is None or callable(part) or isinstance(part, Mapping)
 
     def _capabilities(self) -> Iterator[Any]:
         for name, offered in self.offers().items():

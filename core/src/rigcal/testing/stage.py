@@ -110,6 +110,7 @@ class Stage:
         parts = ("residual", "errors", "fit", "observe", "simulate", "encode", "sees", "view",
                  "project")  # fmt: skip
         found = {part: getattr(cls.sensor_type, part, None) is not None for part in parts}
+        found["refinable"] = bool(cls.sensor_type.refinable)
         found["extra_messages"] = cls.sensor_type.extra_messages is not None
         found["frames"] = found["simulate"] or cls.message is not Stage.message
         found["messages"] = cls.message is not Stage.message or (
@@ -183,9 +184,10 @@ class Stage:
         assert found is not None, f"the board is in view at\n{T_s_t}\nbut `observe` returned None"
         return found
 
-    def residual(self, candidate: Candidate) -> Residual:
+    def residual(self, candidate: Candidate, refine: tuple[str, ...] = ()) -> Residual:
         """The type's own residual, or the default one of the geometry."""
-        return residual_of(self.sensor_type, candidate, self.config, self.target)
+        config = self.config.model_copy(update={"refine": refine}) if refine else self.config
+        return residual_of(self.sensor_type, candidate, config, self.target)
 
     def errors(self, candidate: Candidate, T_s_t: Array) -> Array:
         """(N,) or (N, 2) errors of the raw measurements in the type's unit, or of the geometry."""

@@ -16,6 +16,7 @@ from rigcal_camera.effects import CameraEffects
 from rigcal_camera.frames import COMPRESSED, FILE_TYPES, IMAGE, decode, view
 from rigcal_camera.lens import Lens, lens_of
 from rigcal_camera.messages import camera_info, encode, transport
+from rigcal_camera.refine import LENS
 from rigcal_camera.residual import ReprojectionResidual, errors, make_residual
 from rigcal_camera.simulator import simulate
 
@@ -75,6 +76,8 @@ CAMERA = SensorType(
     view=view,
     project=_project,
     fit=fit,
+    angular=True,
+    refinable={"lens": LENS},
 )
 
 

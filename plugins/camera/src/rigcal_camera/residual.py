@@ -13,9 +13,11 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate
 from rigcal.plugin.contract import Stacked
+from rigcal.plugin.refinable import Refined
 from rigcal.targets.target import Target
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.lens import Lens, lens_of
+from rigcal_camera.refine import pixels_by_lens, with_values
 
 _UNSEEN_PX = 1e4
 """Error given to a corner behind the camera: finite, and large enough for a step to be undone."""
@@ -66,6 +68,24 @@ class ReprojectionResidual:
         def evaluate(T_s_t: Array) -> tuple[Array, Array]:
             error, J = reprojection(first.lens, T_s_t[view], p_t, uv)
             return error.ravel() / first.sigma_px, J.reshape(-1, 6) / first.sigma_px
+
+        return evaluate
+
+    @classmethod
+    def refined(cls, residuals: Sequence[Self]) -> Refined:
+        """The same as a function of the lens too."""
+        first = residuals[0]
+        p_t, uv = (np.concatenate([getattr(r, f) for r in residuals]) for f in ("p_t", "uv"))
+        view = np.repeat(np.arange(len(residuals)), [len(r.uv) for r in residuals])
+
+        def evaluate(T_s_t: Array, values: Array) -> tuple[Array, Array, Array]:
+            lens, T = with_values(first.lens, values), T_s_t[view]
+            error, J = reprojection(lens, T, p_t, uv)
+            p_s = np.einsum("kij,kj->ki", T[:, :3, :3], p_t) + T[:, :3, 3]
+            J_lens = pixels_by_lens(lens, p_s, np.any(J, axis=(1, 2))).reshape(len(p_t) * 2, -1)
+            rows = error.ravel(), J.reshape(-1, 6), J_lens
+            r, J, J_lens = (part / first.sigma_px for part in rows)
+            return r, J, J_lens
 
         return evaluate
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
-from rigcal.ranging import RangeEffects
+from rigcal.ranging import RANGE_BIAS, RangeEffects
 from rigcal_lrf2d.config import Lrf2dConfig
 from rigcal_lrf2d.decode import MESSAGE_TYPES, decode, view
 from rigcal_lrf2d.detector import detect
@@ -33,6 +33,7 @@ LRF2D = SensorType(
     flat=True,
     view=view,
     fit=fit,
+    refinable={"range_bias": RANGE_BIAS},
 )
 
 

@@ -8,7 +8,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import plane_of_target
 from rigcal.observation import Candidate
 from rigcal.plugin.contract import Residual
-from rigcal.residual import beam_residual
+from rigcal.residual import beam_residual, biased_beam_residual
 from rigcal.targets.target import Target
 from rigcal_lrf2d.config import Lrf2dConfig
 from rigcal_lrf2d.line import total_least_squares
@@ -20,15 +20,19 @@ def residual(candidate: Candidate, config: Lrf2dConfig, target: Target) -> Resid
 
     Their sum of squares depends on the two parameters of the plane's trace in z = 0 only, so it is
     compressed to two rows (`rigcal.residual.beam_residual`). The sigma of a range holds the noise
-    of the beam's angle at its incidence.
+    of the beam's angle at its incidence. Where the config asks to refine the ranges' bias, it is a
+    function of that too, and has a row more.
     """
-    angles, ranges = _beams(candidate)
+    angles, ranges = _beams(candidate, config)
     d_s = directions(angles)
     line = total_least_squares(d_s[:, :2] * ranges[:, None])
     sigma = line.sigma(d_s[:, :2], config.noise)
-    return beam_residual(
-        d_s, ranges, sigma, np.append(line.normal, 0.0), float(line.d), planar=True
-    )
+    n, d = np.append(line.normal, 0.0), float(line.d)
+    if config.refine:
+        return biased_beam_residual(
+            d_s, ranges, sigma, n, d, planar=True, bias_m=config.range_bias_m
+        )
+    return beam_residual(d_s, ranges, sigma, n, d, planar=True)
 
 
 def errors(candidate: Candidate, config: Lrf2dConfig, target: Target, T_s_t: Array) -> Array:
@@ -36,16 +40,16 @@ def errors(candidate: Candidate, config: Lrf2dConfig, target: Target, T_s_t: Arr
 
     Infinite for a beam parallel to the plane.
     """
-    angles, ranges = _beams(candidate)
+    angles, ranges = _beams(candidate, config)
     n, d = plane_of_target(T_s_t)
     with np.errstate(divide="ignore"):
         result: Array = ranges + d / (directions(angles) @ n)
     return result
 
 
-def _beams(candidate: Candidate) -> tuple[Array, Array]:
-    """Angles (N,) rad and ranges (N,) m of a candidate."""
+def _beams(candidate: Candidate, config: Lrf2dConfig) -> tuple[Array, Array]:
+    """Angles (N,) rad and ranges (N,) m of a candidate, without the bias of the config."""
     return (
         np.asarray(candidate.measurement["angles"], np.float64),
-        np.asarray(candidate.measurement["ranges"], np.float64),
+        np.asarray(candidate.measurement["ranges"], np.float64) - config.range_bias_m,
     )

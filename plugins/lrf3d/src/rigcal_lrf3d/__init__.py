@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
-from rigcal.ranging import RangeEffects
+from rigcal.ranging import RANGE_BIAS, RangeEffects
 from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode, view
 from rigcal_lrf3d.config import Lrf3dConfig
 from rigcal_lrf3d.detector import detect
@@ -41,6 +41,7 @@ LRF3D = SensorType(
     sees=sees,
     view=view,
     fit=fit,
+    refinable={"range_bias": RANGE_BIAS},
 )
 
 

@@ -9,7 +9,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import plane_of_target
 from rigcal.observation import Candidate, PlaneGeometry
 from rigcal.plugin.contract import Residual
-from rigcal.residual import beam_residual
+from rigcal.residual import beam_residual, biased_beam_residual
 from rigcal.targets.target import Target
 from rigcal_lrf3d.config import Lrf3dConfig
 from rigcal_lrf3d.plane import beams, range_errors, sigma_on
@@ -20,30 +20,39 @@ def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Resid
 
     Where the beams start at the sensor: measured range minus the range at which each beam meets
     the plane. Otherwise: distance from the plane, with the part of the range noise that falls on
-    the plane's normal; for that part the direction of the beam is taken as from the origin.
+    the plane's normal; for that part the direction of the beam is taken as from the origin. Where
+    the config asks to refine the ranges' bias, it is a function of that too, and has a row more.
     """
-    points, geometry = _points(candidate), candidate.geometry
+    points, geometry = _points(candidate, config), candidate.geometry
     if not isinstance(geometry, PlaneGeometry):
         raise ObservationError(
             f"a 3D laser's candidate has {type(geometry).__name__}, expected PlaneGeometry"
         )
     n, d = geometry.normal, geometry.d
     ranges, directions = beams(points)
+    cosine = directions @ n
     sigma = sigma_on(points, n, d, config.noise)
-    if config.beams_start_at_sensor:
-        return beam_residual(directions, ranges, sigma, n, d)
+    at_sensor = config.beams_start_at_sensor
     # A beam of unit length that falls on the plane along its normal measures the distance.
-    down = np.broadcast_to(-n, points.shape)
-    return beam_residual(
-        down, np.ones(len(points)), sigma * np.abs(directions @ n), n, d, origins=points + n
+    beam = (
+        (directions, ranges, sigma)
+        if at_sensor
+        else (np.broadcast_to(-n, points.shape), np.ones(len(points)), sigma * np.abs(cosine))
     )
+    origins = None if at_sensor else points + n
+    if config.refine:
+        gain = 1.0 if at_sensor else -cosine
+        return biased_beam_residual(
+            *beam, n, d, origins=origins, bias_m=config.range_bias_m, gain=gain
+        )
+    return beam_residual(*beam, n, d, origins=origins)
 
 
 def errors(candidate: Candidate, config: Lrf3dConfig, target: Target, T_s_t: Array) -> Array:
     """(N,) errors of the candidate's returns (m): along the beams where they start at the sensor
     (measured minus expected range), else distances from the target's plane (positive behind it).
     """
-    points = _points(candidate)
+    points = _points(candidate, config)
     n, d = plane_of_target(T_s_t)
     if config.beams_start_at_sensor:
         return range_errors(points, n, float(d))[0]
@@ -51,5 +60,7 @@ def errors(candidate: Candidate, config: Lrf3dConfig, target: Target, T_s_t: Arr
     return result
 
 
-def _points(candidate: Candidate) -> Array:
-    return np.asarray(candidate.measurement["points"], dtype=np.float64)
+def _points(candidate: Candidate, config: Lrf3dConfig) -> Array:
+    """Returns (N, 3) of a candidate, moved back along their beams by the bias of the config."""
+    points = np.asarray(candidate.measurement["points"], dtype=np.float64)
+    return points - config.range_bias_m * beams(points)[1] if config.range_bias_m else points

@@ -1,0 +1,191 @@
+"""What is estimated beside the poses, on request: numbers of sensors, and the scale of targets.
+
+They are one vector. Inside the solver each is counted in units of its own, the change that alone
+would be too much, so that one number is like another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rigcal.errors import NotDeterminedError
+from rigcal.geometry.se3 import Array
+from rigcal.graph.task import Task
+from rigcal.plugin.contract import SensorConfig
+from rigcal.plugin.refinable import Parameters
+
+# The printed size is off by more than this only by a mistake.
+_TOLERABLE_SCALE = 0.01
+_LISTED = 4
+# So many times the tolerable error is as good as no information.
+_UNKNOWN = 1e3
+
+SCALE = Parameters(
+    names=("scale",),
+    units=("",),
+    values=np.ones(1),
+    effect=np.array([[1 / _TOLERABLE_SCALE]]),
+    tolerable=f"{100 * _TOLERABLE_SCALE:g} % of the target's size",
+    advice="directions alone leave the scale open: add exposures in which a sensor that measures "
+    "ranges sees the board in different places, or fix the pose between two sensors",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Numbers asked for under one name, of a sensor or a target: entries from `start` on."""
+
+    owner: str
+    name: str
+    parameters: Parameters
+    start: int
+
+    @property
+    def is_target(self) -> bool:
+        """Whether the owner is a target."""
+        return self.parameters is SCALE
+
+    @property
+    def entries(self) -> slice:
+        """Their place in the vector."""
+        return slice(self.start, self.start + len(self.parameters.names))
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """All groups, and the present `values` (Q,).
+
+    `scaled` is the entry that scales the target of a sensor which measures directions only.
+    """
+
+    groups: tuple[Group, ...]
+    values: Array
+    scaled: Mapping[str, int]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def of(self, sensor: str) -> list[int]:
+        """The entries of a sensor, in the order of its config's `refine`."""
+        mine = [g.entries for g in self.groups if g.owner == sensor and not g.is_target]
+        return [i for entries in mine for i in range(entries.start, entries.stop)]
+
+    def applied(self, sensor: str, task: Task) -> SensorConfig:
+        """The sensor's config with the numbers as they are now."""
+        config = task.rig.sensors[sensor]
+        for g in self.groups:
+            if g.owner == sensor and not g.is_target:
+                config = task.kinds[sensor].refinable[g.name].apply(config, self.values[g.entries])
+        return config
+
+    def seen(self, sensor: str, T_s_t: Array) -> Array:
+        """The pose (..., 4, 4) at which a target of nominal size would look the same.
+
+        To a sensor that measures directions a target s times as large looks like the nominal one
+        at 1 / s of the distance.
+        """
+        if sensor not in self.scaled:
+            return T_s_t
+        seen = T_s_t.copy()
+        seen[..., :3, 3] /= self.values[self.scaled[sensor]]
+        return seen
+
+    def stepped(self, step: Array) -> Numbers:
+        """Moved by a step (Q,) in units."""
+        return replace(self, values=self.values + self.unit * step)
+
+    def covariance(self, in_units: Array) -> Array:
+        """(Q, Q) in the numbers' own units."""
+        result: Array = in_units * np.outer(self.unit, self.unit)
+        return result
+
+    @cached_property
+    def unit(self) -> Array:
+        """(Q,) the change of each that alone would be too much."""
+        largest = [np.abs(g.parameters.effect).max(axis=0) for g in self.groups]
+        return 1 / np.concatenate([*largest, np.zeros(0)])
+
+    @cached_property
+    def start(self) -> Array:
+        """(Q,) where they start."""
+        return np.concatenate([*(g.parameters.values for g in self.groups), np.zeros(0)])
+
+    @cached_property
+    def known(self) -> Array:
+        """(Q,) information beforehand, in units."""
+        sigmas = [
+            np.full(len(p.names), np.inf) if p.prior_sigma is None else p.prior_sigma
+            for p in (g.parameters for g in self.groups)
+        ]
+        result: Array = (self.unit / np.concatenate([*sigmas, np.zeros(0)])) ** 2
+        return result
+
+    @property
+    def off_start(self) -> Array:
+        """(Q,) from where they start, in units."""
+        result: Array = (self.values - self.start) / self.unit
+        return result
+
+
+NO_NUMBERS = Numbers((), np.zeros(0), {})
+
+
+def numbers_of(task: Task) -> Numbers:
+    """What the rig asks to refine, where it starts."""
+    asked = [
+        (sensor, name, task.kinds[sensor].refinable[name].parameters(config))
+        for sensor, config in task.rig.sensors.items()
+        for name in config.refine
+    ]
+    asked += [(t, "scale", SCALE) for t, config in task.rig.targets.items() if config.refine]
+    groups, count = list[Group](), 0
+    for owner, name, parameters in asked:
+        groups.append(Group(owner, name, parameters, count))
+        count += len(parameters.names)
+    at = {g.owner: g.start for g in groups if g.is_target}
+    scaled = {
+        sensor: at[task.rig.target_of(sensor)]
+        for sensor, kind in task.kinds.items()
+        if kind.angular and task.rig.target_of(sensor) in at
+    }
+    numbers = Numbers(tuple(groups), np.zeros(count), scaled)
+    return replace(numbers, values=numbers.start)
+
+
+def check_determined(numbers: Numbers, covariance: Array, times: float = 1.0) -> None:
+    """NotDeterminedError names what the data leave open by more than so many times the tolerable.
+
+    covariance (Q, Q) is in units.
+    """
+    problems = []
+    for g in numbers.groups:
+        own, p = covariance[g.entries, g.entries], g.parameters
+        effect = p.effect * numbers.unit[g.entries]
+        worst = float(np.sqrt(np.einsum("mi,ij,mj->m", effect, own, effect).max()))
+        if worst > times:
+            much = f"{worst:.1f} times " if worst < _UNKNOWN else "far more than "
+            problems.append(
+                f"  {g.owner}: {g.name}: leaves {much}{p.tolerable} open; least known: "
+                f"{_least_known(g, own, numbers.unit)}\n    {p.advice}"
+            )
+    if problems:
+        raise NotDeterminedError(
+            "the data do not determine what `refine` asks for; record more as said below, or take "
+            "it out of `refine`:\n" + "\n".join(problems)
+        )
+
+
+def _least_known(group: Group, covariance: Array, unit: Array) -> str:
+    """The numbers with the largest standard deviations in units, or the largest one."""
+    sigma = np.sqrt(np.diagonal(covariance))
+    order = [int(i) for i in np.argsort(-sigma, kind="stable")]
+    listed = [i for i in order if sigma[i] > 1][:_LISTED] or order[:1]
+    words = []
+    for i in listed:
+        size = f"+-{sigma[i] * unit[group.entries][i]:.2g} {group.parameters.units[i]}".strip()
+        words.append(f"{group.parameters.names[i]} ({size if sigma[i] < _UNKNOWN else 'open'})")
+    return ", ".join(words)

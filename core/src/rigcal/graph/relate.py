@@ -56,8 +56,13 @@ def pairing_of(a: Geometry, b: Geometry) -> Pairing | None:
     return pairing if pairing in _DETERMINING else None
 
 
+# docs/adr/0011-pairs-of-sensors.md shows why edges of the board do not make lines enough.
 _BECAUSE: dict[frozenset[type[Geometry]], str] = {
-    frozenset({_LINE}): "each leaves the board free to turn about it",
+    frozenset({_LINE}): (
+        "each leaves the board free to turn about it; where their ends are edges of the board, a "
+        "transform and its mirror image (z, roll and pitch of opposite sign) still explain them "
+        "alike. A camera or a 3D sensor has to see the board too"
+    ),
     frozenset({_LINE, _POINT}): "the board is free to turn about the line",
     frozenset({_POINT}): "they are different points of the target",
 }

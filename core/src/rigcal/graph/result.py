@@ -60,7 +60,7 @@ def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibrati
         sensors,
         dict(solution.targets),
         rejected,
-        (*_noise_warnings(solution), *_warnings(stages.pairs)),
+        (*_noise_warnings(solution), *_warnings(stages.pairs), *stages.warnings),
         {"seed": stages.seed, **vars(method)},
         graph_error=_graph_error(stages, solution, method),
         refined_targets=refined["targets"],

@@ -12,6 +12,7 @@ import numpy as np
 from rigcal.errors import ConfigError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.choice import best_ranked, inliers_of_pairs, msgcal_graph
+from rigcal.graph.loops import check_loops
 from rigcal.graph.method import Method
 from rigcal.graph.msgcal import MsgcalGraph
 from rigcal.graph.pairwise import PairResult, calibrate_pair
@@ -29,7 +30,7 @@ class Stages:
     """The pairs of a task, and the poses `T_root_s` that their spanning tree gives the sensors.
 
     `fixed` names the sensors that keep their poses, the root among them; `given` holds poses that
-    the rig prescribes.
+    the rig prescribes. `warnings` tells of pairs that contradict each other.
     """
 
     task: Task
@@ -38,6 +39,7 @@ class Stages:
     given: Mapping[str, Array]
     fixed: frozenset[str]
     seed: int
+    warnings: tuple[str, ...] = ()
 
     def graph(self, *, filtered: bool = True) -> MsgcalGraph:
         """The graph of MSG-Cal over the pairs' inliers, or over all data."""
@@ -52,11 +54,14 @@ class Stages:
 
 
 def first_stages(task: Task, seed: int, progress: Progress | None = None) -> Stages:
-    """Pairs and spanning tree; NotConnectedError if the pairs do not join all sensors."""
-    pairs = tuple(pairwise(task, seed, progress or (lambda *_: None)))
+    """Pairs and spanning tree; NotConnectedError if the pairs do not join all sensors.
+
+    A pair that loops show to be wrong does not count.
+    """
+    pairs, warnings = check_loops(pairwise(task, seed, progress or (lambda *_: None)))
     given, fixed = _given_poses(task.rig)
     T_root, _ = spanning_tree(task.rig.root, list(task.rig.sensors), pairs, given)
-    return Stages(task, pairs, T_root | given, given, fixed, seed)
+    return Stages(task, pairs, T_root | given, given, fixed, seed, warnings)
 
 
 def pairwise(task: Task, seed: int, tell: Progress) -> list[PairResult]:

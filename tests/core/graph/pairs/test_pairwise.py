@@ -203,7 +203,7 @@ def test_a_wall_that_both_take_for_the_board(watch, calibrated):
 @pytest.mark.parametrize(
     ("kinds", "why"),
     [
-        (("line", "line"), "each leaves the board free to turn about it"),
+        (("line", "line"), "its mirror image (z, roll and pitch of opposite sign) still explain"),
         (("line", "point"), "free to turn about the line"),
     ],
 )
@@ -212,6 +212,29 @@ def test_what_can_never_determine(kinds, why, watch, calibrated):
     assert result.T_a_b is None
     assert "do not determine a transform" in result.reason
     assert why in result.reason
+
+
+def test_two_lasers_cannot_tell_a_transform_from_its_mirror_image(target, T_a_b):
+    """Mirror the scene in the scan plane of a: every scan, with the board's edges, is the same."""
+    z, x = np.diag([1.0, 1, -1, 1]), np.diag([-1.0, 1, 1, 1])
+    mirrored = z @ T_a_b @ z
+    assert np.linalg.norm(se3.log(se3.inverse(mirrored) @ T_a_b)) > 0.1
+    seen = 0
+    for T_a_t in facing_boards(30, np.random.default_rng(0)):
+        other = z @ T_a_t @ x  # the rectangle is its own mirror image
+        for T, U in (
+            (T_a_t, other),
+            (se3.inverse(T_a_b) @ T_a_t, se3.inverse(mirrored) @ other),
+        ):
+            first, second = (observe("line", P, target, np.random.default_rng(1)) for P in (T, U))
+            if first is None:
+                continue
+            assert first.geometry.start_is_edge
+            assert first.geometry.end_is_edge
+            np.testing.assert_allclose(first.geometry.start, second.geometry.start, atol=1e-9)
+            np.testing.assert_allclose(first.geometry.end, second.geometry.end, atol=1e-9)
+            seen += 1
+    assert seen > 20
 
 
 def test_different_points_of_one_target(watch, calibrated):

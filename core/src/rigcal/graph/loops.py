@@ -80,7 +80,8 @@ def _without_transform(pair: PairResult, failing: Sequence[Loop]) -> PairResult:
 
 def _loops(solved: Mapping[frozenset[str], PairResult]) -> list[Loop]:
     """All loops of three pairs, and the longer ones that no sum of shorter ones makes."""
-    graph = nx.Graph([tuple(sorted(name)) for name in solved])
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_edges_from(sorted(name) for name in solved)
     sensors = sorted(graph)
     rings = [
         trio

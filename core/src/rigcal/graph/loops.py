@@ -81,9 +81,9 @@ def _without_transform(pair: PairResult, failing: Sequence[Loop]) -> PairResult:
 def _loops(solved: Mapping[frozenset[str], PairResult]) -> list[Loop]:
     """All loops of three pairs, and the longer ones that no sum of shorter ones makes."""
     graph: nx.Graph[str] = nx.Graph()
-    graph.add_edges_from(sorted(name) for name in solved)
+    graph.add_edges_from((p.a, p.b) for p in solved.values())
     sensors = sorted(graph)
-    rings = [
+    rings: list[tuple[str, ...]] = [
         trio
         for trio in itertools.combinations(sensors, 3)
         if all(graph.has_edge(x, y) for x, y in itertools.combinations(trio, 2))

@@ -101,7 +101,7 @@ def _refused(rig: dict[str, Any]) -> str:
 
 def test_valid_rig() -> None:
     rig = parse_rig(RIG, REGISTRY)
-    assert (rig.name, rig.root, rig.association) == ("boat", "bow", "nearest")
+    assert (rig.name, rig.root, rig.association) == ("boat", "bow", None)
     assert isinstance(rig.sensors["bow"], SonarConfig)
     assert rig.target_of("stern") == "board"
     assert build_targets(rig, REGISTRY)["board"].points.shape == (35, 3)

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from rigcal.recording.message import Message
     from rigcal.report import write_report
     from rigcal.rig import Rig, build_targets, load_rig, parse_rig, rig_schema
+    from rigcal.second_look import look_again
     from rigcal.skeleton import new_plugin
 
 _HOME = {
@@ -72,6 +73,7 @@ _HOME = {
     "load_calibration": "calibration_file",
     "load_observations": "observation_file",
     "load_rig": "rig",
+    "look_again": "second_look",
     "new_plugin": "skeleton",
     "parse_rig": "rig",
     "rig_schema": "rig",
@@ -110,6 +112,7 @@ __all__ = [
     "load_calibration",
     "load_observations",
     "load_rig",
+    "look_again",
     "new_plugin",
     "parse_rig",
     "rig_schema",

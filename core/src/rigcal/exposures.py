@@ -48,6 +48,17 @@ def exposure_names(
     return names
 
 
+def association_of(association: str | None, observations: Sequence[Observation]) -> str:
+    """How observations were grouped, given what the rig says: "still", "nearest", "same_index", or
+    "file names" where files carry keys.
+    """
+    if any(len(o.frames) > 1 for o in observations if o.candidates):
+        return "still"
+    if association != "same_index" and not any(o.stamp_ns for o in observations):
+        return "file names"
+    return association or "nearest"
+
+
 def by_exposure(observations: Sequence[Observation]) -> dict[str, dict[str, Observation]]:
     """Observations by exposure (in natural order) and sensor."""
     result: dict[str, dict[str, Observation]] = {}

@@ -121,6 +121,20 @@ Geometry = PoseGeometry | PlaneGeometry | LineGeometry | PointGeometry
 
 
 @dataclass(frozen=True, eq=False)
+class MeanGeometry:
+    """The mean of the geometries of N frames in which the target stands still.
+
+    `variance_ratio`: its variance over that of one frame. 1 / N where the frames' errors are
+    independent, more where they have some in common, or where the target trembles. `scatter`: the
+    frames' mean square deviation from it, in units of their covariances.
+    """
+
+    geometry: Geometry
+    variance_ratio: float
+    scatter: float
+
+
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One hypothesis of where the target is in one frame.
 
@@ -153,7 +167,10 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """The candidates of one sensor in one exposure (none: `reason` says why)."""
+    """The candidates of one sensor in one exposure (none: `reason` says why).
+
+    `frames` are the places in the sensor's stream of the frames that it was made of.
+    """
 
     sensor: str
     exposure: str
@@ -161,6 +178,7 @@ class Observation:
     origin: str
     candidates: tuple[Candidate, ...]
     reason: str = ""
+    frames: tuple[int, ...] = ()
 
     @classmethod
     def of(

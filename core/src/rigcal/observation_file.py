@@ -90,6 +90,7 @@ def save_observations(
             "origin": [o.origin for o in observations],
             "reason": [o.reason for o in observations],
             "candidates": [len(o.candidates) for o in observations],
+            "frames": [list(map(int, o.frames)) for o in observations],
         },
         "geometry": [_NAMES[type(c.geometry)] for c in candidates],
         "columns": [vars(key) for key in columns],
@@ -223,12 +224,16 @@ def _geometry(kind: str, values: Values) -> Geometry:
 def _observations(
     columns: Mapping[str, list[Any]], candidates: Sequence[Candidate]
 ) -> tuple[Observation, ...]:
-    rows = zip(*(columns[key] for key in _OBSERVATION_KEYS), strict=True)
+    # Files of earlier versions do not say which frames.
+    frames = columns.get("frames") or [()] * len(columns["sensor"])
+    rows = zip(*(columns[key] for key in _OBSERVATION_KEYS), frames, strict=True)
     result = []
     first = 0
-    for sensor, exposure, stamp_ns, origin, reason, count in rows:
+    for sensor, exposure, stamp_ns, origin, reason, count, own_frames in rows:
         own = tuple(candidates[first : first + count])
-        result.append(Observation(sensor, exposure, stamp_ns, origin, own, reason))
+        result.append(
+            Observation(sensor, exposure, stamp_ns, origin, own, reason, tuple(own_frames))
+        )
         first += count
     if first != len(candidates):
         raise ValueError(f"the observations have {first} candidates, the file {len(candidates)}")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rigcal.errors import ObservationError, RecordingError, RigcalError
+from rigcal.geometry.se3 import Array
 from rigcal.observation import Detection, Observation
 from rigcal.plugin.answers import check_detection
 from rigcal.plugin.contract import SensorConfig, SensorType
@@ -101,11 +102,21 @@ def decoder_failure(kind: SensorType, message: Message, error: Exception) -> str
 
 
 def detect_in_frame(
-    kind: SensorType, config: SensorConfig, target: Target, frame: object
+    kind: SensorType,
+    config: SensorConfig,
+    target: Target,
+    frame: object,
+    T_s_t: Array | None = None,
 ) -> Detection:
-    """The detector's answer; one that raises, or answers nonsense, loses its frame, not the run."""
+    """The detector's answer; one that raises, or answers nonsense, loses its frame, not the run.
+
+    With `T_s_t` (4, 4), where the target is about, a sensor type that offers `near` looks there.
+    """
     try:
-        found = kind.detect(frame, config, target)
+        if T_s_t is None or kind.near is None:
+            found = kind.detect(frame, config, target)
+        else:
+            found = kind.near(frame, config, target, T_s_t)
         check_detection(found)
     except Exception as error:
         _log.debug("detector of sensor type '%s' raised", kind.name, exc_info=True)

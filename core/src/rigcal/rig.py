@@ -24,7 +24,7 @@ from rigcal.validation import nearest_of
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _C = TypeVar("_C", bound=BaseModel)
-Association = Literal["nearest", "same_index"]
+Association = Literal["still", "nearest", "same_index"]
 Noise = Literal["estimated", "configured"]
 
 
@@ -32,8 +32,10 @@ Noise = Literal["estimated", "configured"]
 class Rig:
     """A validated rig: `root` is one of `sensors`; every sensor looks at one of `targets`.
 
-    `association` says what makes an exposure: stamps within `tolerance_s` of each other
-    ("nearest"), or equal positions in each sensor's stream ("same_index"). `noise`: observations
+    `association` says what makes an exposure: the target standing still for `hold_s` or longer
+    ("still"), stamps within `tolerance_s` of each other ("nearest"), or equal positions in each
+    sensor's stream ("same_index"). None: "still" where the recording shows the target held still
+    again and again, else "nearest". `noise`: observations
     weigh by their sensors' noise as estimated from the residuals, or as configured.
     """
 
@@ -41,8 +43,9 @@ class Rig:
     root: str
     targets: Mapping[str, TargetConfig]
     sensors: Mapping[str, SensorConfig]
-    association: Association = "nearest"
+    association: Association | None = None
     tolerance_s: float = 0.05
+    hold_s: float = 1.0
     noise: Noise = "estimated"
     version: int = 1
 
@@ -61,11 +64,17 @@ class _RigFile(BaseModel):
     root: str = Field(description="sensor that the tree of transforms hangs from")
     targets: dict[str, Any] = Field(min_length=1, description="the boards, by name")
     sensors: dict[str, Any] = Field(min_length=1, description="the sensors, by name")
-    association: Association = Field(
-        default="nearest",
-        description="an exposure is: stamps within tolerance_s, or equal positions in the streams",
+    association: Association | None = Field(
+        default=None,
+        description="an exposure is: the target held still, stamps within tolerance_s, or equal "
+        "positions in the streams; without it, what the recording shows",
     )
-    tolerance_s: float = Field(default=0.05, gt=0, allow_inf_nan=False)
+    tolerance_s: float = Field(
+        default=0.05, gt=0, allow_inf_nan=False, description="for `nearest`, between two stamps"
+    )
+    hold_s: float = Field(
+        default=1.0, gt=0, allow_inf_nan=False, description="for `still`, the shortest exposure"
+    )
     noise: Noise = Field(
         default="estimated",
         description="sensors weigh by the noise estimated from the residuals, or as configured",

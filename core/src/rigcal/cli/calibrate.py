@@ -44,6 +44,12 @@ def calibrate(
         Initial,
         typer.Option(help="Start from the spanning tree of the pairs, or with all at the root."),
     ] = "tree",
+    second_look: Annotated[
+        bool,
+        typer.Option(
+            help="Search a continuous recording again where sensors should have seen the target."
+        ),
+    ] = True,
     report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -51,17 +57,28 @@ def calibrate(
 ) -> None:
     """Estimate where the sensors are."""
     from rigcal.estimation import calibrate as estimate
+    from rigcal.exposures import association_of
+    from rigcal.observation_file import save_observations
     from rigcal.plugin.registry import Registry
     from rigcal.rig import load_rig
+    from rigcal.second_look import found_again, look_again
 
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)
     method = Method(formulation, not no_filter, initial)
     make_folder(out)
     with progress_bar(quiet or json) as progress:
-        observations, inputs = _observations(rig, registry, rig_file, data, out, progress, jobs)
+        observations, about = _observations(rig, registry, rig_file, data, out, progress, jobs)
         calibration = estimate(rig, registry, observations, seed, progress, method)
-        made_from = {"versions": versions(rig, registry), "inputs": inputs}
+        still = association_of(rig.association, observations) == "still"
+        if second_look and still and data.suffix != ".npz":
+            again = look_again(rig, registry, data, observations, calibration, progress, jobs)
+            if added := found_again(observations, again):
+                calibration = estimate(rig, registry, again, seed, progress, method)
+                observations, about = again, {**about, "second_look": added}
+                header = {"versions": versions(rig, registry), **about}
+                save_observations(out / "observations.npz", observations, header)
+        made_from = {"versions": versions(rig, registry), **about}
         calibration = replace(calibration, provenance={**calibration.provenance, **made_from})
         files = write_results(out, calibration, observations, rig, registry, report)
     if json:
@@ -107,7 +124,7 @@ def _observations(
     progress: Progress,
     jobs: int | None,
 ) -> tuple[Sequence[Observation], dict[str, Any]]:
-    """Observations from a file or a recording, and what was read.
+    """Observations from a file or a recording, and what they were made of.
 
     They are saved at once: when the estimate fails, it can be tried again without detecting.
     """
@@ -123,9 +140,12 @@ def _observations(
         observations = detect(rig, registry, data, progress, jobs)
         source, about = {"recording": identity(data, rig)}, {}
     inputs = {"rig": identity(rig_file), **source}
+    made = {"inputs": inputs}
+    if "second_look" in about:
+        made["second_look"] = about["second_look"]
     about = about or {"versions": versions(rig, registry), "inputs": inputs}
     save_observations(out / "observations.npz", observations, about)
-    return observations, inputs
+    return observations, made
 
 
 def _as_mapping(calibration: Calibration) -> dict[str, Any]:

@@ -60,8 +60,10 @@ def count_detected(observations: Sequence[Observation]) -> dict[str, dict[str, A
     counts: dict[str, dict[str, Any]] = {}
     for o in observations:
         count = counts.setdefault(o.sensor, {"frames": 0, "detected": 0, "reasons": {}})
-        count["frames"] += 1
-        count["detected"] += bool(o.candidates)
-        if not o.candidates:
-            count["reasons"][o.reason] = count["reasons"].get(o.reason, 0) + 1
+        frames = max(len(o.frames), 1)
+        count["frames"] += frames
+        if o.candidates:
+            count["detected"] += frames
+        else:
+            count["reasons"][o.reason] = count["reasons"].get(o.reason, 0) + frames
     return counts

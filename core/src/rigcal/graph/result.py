@@ -14,6 +14,7 @@ from rigcal.calibration import (
     ResidualStatistics,
     SensorResult,
 )
+from rigcal.exposures import association_of
 from rigcal.geometry import se3
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.global_estimate import Estimate
@@ -61,7 +62,7 @@ def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibrati
         dict(solution.targets),
         rejected,
         (*_noise_warnings(solution), *_warnings(stages.pairs), *stages.warnings),
-        {"seed": stages.seed, **vars(method)},
+        {"seed": stages.seed, **vars(method), "association": _association(task)},
         graph_error=_graph_error(stages, solution, method),
         refined_targets=refined["targets"],
     )
@@ -81,6 +82,11 @@ def _refined(solution: Solution) -> dict[str, dict[str, dict[str, RefinedNumber]
             value, spread, start = (float(v[i]) for v in (numbers.values, sigma, numbers.start))
             own[name] = RefinedNumber(value, spread, start, g.parameters.units[i - g.start])
     return found
+
+
+def _association(task: Task) -> str:
+    observations = [o for seen in task.exposures.values() for o in seen.values()]
+    return association_of(task.rig.association, observations)
 
 
 def _graph_error(stages: Stages, solution: Solution, method: Method) -> GraphError | None:

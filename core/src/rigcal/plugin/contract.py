@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.observation import Candidate, Detection
+from rigcal.observation import Candidate, Detection, MeanGeometry
 from rigcal.plugin.refinable import Refinable
 from rigcal.recording.message import Definitions, Message, Source
 from rigcal.scene import Scene
@@ -195,6 +195,8 @@ Encode = Callable[[Frame, Any, int, str], Any]
 Transport = Callable[[Any, Any], Any]
 Errors = Callable[[Candidate, Any, Target, Array], Array]
 View = Callable[[Message, Any], FrameView]
+Combine = Callable[[Sequence[Candidate], MeanGeometry, Any, Target], Candidate]
+Near = Callable[[Frame, Any, Target, Array], Detection]
 Project = Callable[[Array, Any], tuple[Array, NDArray[np.bool_]]]
 
 
@@ -209,6 +211,13 @@ class SensorType:
                     of those they refer to
     decode          (message, config) -> frame; raises RecordingError on data that it cannot use
     detect          (frame, config, target) -> Detection, all candidates in the sensor's own frame
+    combine         (candidates, mean, config, target) -> Candidate: those of several frames in
+                    which the target stands still, as one. The `MeanGeometry` is that of their
+                    geometries, and says how much less noise they have together. None: the mean
+                    itself, or with a `residual` of its own the frame nearest to it
+    near            (frame, config, target, T_s_t) -> Detection: a second look at a frame in which
+                    `detect` did not find the target, that knows about where it is; it must answer
+                    with what the frame shows, not with what was predicted
     residual        (candidate, config, target) -> Residual; None: the default of the geometry
     errors          (candidate, config, target, T_s_t) -> (N,) or (N, 2) unwhitened errors of the
                     raw measurements in `unit`, for statistics; None: by geometry, in metres
@@ -259,6 +268,8 @@ class SensorType:
     project: Project | None = None
     angular: bool = False
     refinable: Mapping[str, Refinable] = field(default_factory=dict, hash=False)
+    combine: Combine | None = None
+    near: Near | None = None
     message_definitions: Definitions = field(default_factory=dict, hash=False)
     contract: int = CONTRACT_VERSION
     fit: Fit | None = None

@@ -1,7 +1,7 @@
 """Messages of bags and folders, streamed; and the writer."""
 
 from rigcal.recording.format import RecordingFormat
-from rigcal.recording.message import Message, Recording, Source
+from rigcal.recording.message import Message, Recording, Source, TimedRecording
 from rigcal.recording.open import BUILTIN_FORMATS, open_recording
 
 __all__ = [
@@ -10,5 +10,6 @@ __all__ = [
     "Recording",
     "RecordingFormat",
     "Source",
+    "TimedRecording",
     "open_recording",
 ]

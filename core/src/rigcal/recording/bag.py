@@ -44,6 +44,10 @@ class BagRecording:
         """See `Recording`."""
         return sum(len(times) for times in self._log_times(source))
 
+    def times_ns(self, source: Source) -> list[int]:
+        """See `TimedRecording`."""
+        return [time for times in self._log_times(source) for time in times]
+
     def read(self, source: Source, first: int = 0, stop: int | None = None) -> Iterator[Message]:
         """See `Recording`; of the messages outside the slice only the index is read."""
         topic = self._topic(source)

@@ -63,6 +63,10 @@ class FolderRecording:
         """See `Recording`."""
         return len(self._messages(source))
 
+    def times_ns(self, source: Source) -> list[int]:
+        """See `TimedRecording`."""
+        return [message.stamp_ns for message in self._messages(source)]
+
     def read(self, source: Source, first: int = 0, stop: int | None = None) -> Iterator[Message]:
         """See `Recording`; files come in natural order of their paths."""
         yield from self._messages(source)[first:stop]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 Definitions = Mapping[str, str]
 """Text of .msg files by ROS name ("radar_msgs/msg/RadarScan"), of types ROS does not bring."""
@@ -51,3 +51,17 @@ class Recording(Protocol):
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *exc: object) -> None: ...
+
+
+@runtime_checkable
+class TimedRecording(Recording, Protocol):
+    """A recording that knows when its messages were recorded: exposures can be found by stillness.
+
+    One that does not is read as files without stamps are: by `nearest` or `same_index`.
+    """
+
+    def times_ns(self, source: Source) -> Sequence[int]:
+        """When each message of a source was recorded, in order, without reading them.
+
+        Near its header stamp; 0 for files whose names carry no stamp.
+        """

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from rigcal.geometry.se3 import Array
 from rigcal.plugin import SensorType, hookimpl
+from rigcal_camera.combine import combine
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.detector import detect, fit, observe
 from rigcal_camera.effects import CameraEffects
 from rigcal_camera.frames import COMPRESSED, FILE_TYPES, IMAGE, decode, view
 from rigcal_camera.lens import Lens, lens_of
 from rigcal_camera.messages import camera_info, encode, transport
+from rigcal_camera.near import near
 from rigcal_camera.refine import LENS
 from rigcal_camera.residual import ReprojectionResidual, errors, make_residual
 from rigcal_camera.simulator import simulate
@@ -62,6 +64,8 @@ CAMERA = SensorType(
     message_types=(IMAGE, COMPRESSED, *FILE_TYPES),
     decode=decode,
     detect=detect,
+    combine=combine,
+    near=near,
     residual=make_residual,
     errors=errors,
     unit="px",

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigcal.errors import ObservationError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.observation import Candidate
+from rigcal.observation import Candidate, PoseGeometry
 from rigcal.plugin.contract import Stacked
 from rigcal.plugin.refinable import Refined
 from rigcal.targets.target import Target
@@ -40,12 +41,17 @@ def reprojection(lens: Lens, T_s_t: Array, p_t: Array, uv: Array) -> tuple[Array
 
 @dataclass(frozen=True, eq=False)
 class ReprojectionResidual:
-    """Whitened reprojection errors u0, v0, u1, v1, ... of the corners of one view."""
+    """Whitened reprojection errors u0, v0, u1, v1, ... of the corners of one view.
+
+    `common` (2M, 6), if any, is what moves all corners together: the rows are `(I - C C^T) e /
+    sigma_px`.
+    """
 
     lens: Lens
     p_t: Array
     uv: Array
     sigma_px: float
+    common: Array | None = None
     block: int = 2
 
     @property
@@ -55,45 +61,72 @@ class ReprojectionResidual:
 
     def __call__(self, T_s_t: Array) -> tuple[Array, Array]:
         """R (2M,) and J (2M, 6) at `T_s_t`."""
-        error, J = reprojection(self.lens, T_s_t, self.p_t, self.uv)
-        return error.ravel() / self.sigma_px, J.reshape(-1, 6) / self.sigma_px
+        return self.stack([self])(T_s_t[None])
 
     @classmethod
     def stack(cls, residuals: Sequence[Self]) -> Stacked:
         """All views of one camera at once."""
-        first = residuals[0]
-        p_t, uv = (np.concatenate([getattr(r, f) for r in residuals]) for f in ("p_t", "uv"))
-        view = np.repeat(np.arange(len(residuals)), [len(r.uv) for r in residuals])
+        lens, whiten = residuals[0].lens, _whitener(residuals)
+        p_t, uv, view = _all_views(residuals)
 
         def evaluate(T_s_t: Array) -> tuple[Array, Array]:
-            error, J = reprojection(first.lens, T_s_t[view], p_t, uv)
-            return error.ravel() / first.sigma_px, J.reshape(-1, 6) / first.sigma_px
+            error, J = reprojection(lens, T_s_t[view], p_t, uv)
+            rows = whiten(np.column_stack([error.ravel(), J.reshape(-1, 6)]))
+            return rows[:, 0], rows[:, 1:]
 
         return evaluate
 
     @classmethod
     def refined(cls, residuals: Sequence[Self]) -> Refined:
         """The same as a function of the lens too."""
-        first = residuals[0]
-        p_t, uv = (np.concatenate([getattr(r, f) for r in residuals]) for f in ("p_t", "uv"))
-        view = np.repeat(np.arange(len(residuals)), [len(r.uv) for r in residuals])
+        start, whiten = residuals[0].lens, _whitener(residuals)
+        p_t, uv, view = _all_views(residuals)
 
         def evaluate(T_s_t: Array, values: Array) -> tuple[Array, Array, Array]:
-            lens, T = with_values(first.lens, values), T_s_t[view]
+            lens, T = with_values(start, values), T_s_t[view]
             error, J = reprojection(lens, T, p_t, uv)
             p_s = np.einsum("kij,kj->ki", T[:, :3, :3], p_t) + T[:, :3, 3]
             J_lens = pixels_by_lens(lens, p_s, np.any(J, axis=(1, 2))).reshape(len(p_t) * 2, -1)
-            rows = error.ravel(), J.reshape(-1, 6), J_lens
-            r, J, J_lens = (part / first.sigma_px for part in rows)
-            return r, J, J_lens
+            rows = whiten(np.column_stack([error.ravel(), J.reshape(-1, 6), J_lens]))
+            return rows[:, 0], rows[:, 1:7], rows[:, 7:]
 
         return evaluate
+
+
+def _all_views(
+    residuals: Sequence[ReprojectionResidual],
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Points and pixels of all corners, and the view of each."""
+    p_t, uv = (np.concatenate([getattr(r, f) for r in residuals]) for f in ("p_t", "uv"))
+    view = np.repeat(np.arange(len(residuals)), [len(r.uv) for r in residuals])
+    return p_t, uv, view
+
+
+def _whitener(residuals: Sequence[ReprojectionResidual]) -> Callable[[Array], Array]:
+    """Whitens rows (of errors and Jacobians side by side) of all views."""
+    dof = [r.dof for r in residuals]
+    sigma_px = np.repeat([r.sigma_px for r in residuals], dof)[:, None]
+    if all(r.common is None for r in residuals):
+        return lambda rows: rows / sigma_px
+    C = np.concatenate([np.zeros((r.dof, 6)) if r.common is None else r.common for r in residuals])
+    view, starts = np.repeat(np.arange(len(dof)), dof), np.cumsum([0, *dof[:-1]])
+
+    def whiten(rows: Array) -> Array:
+        share = np.add.reduceat(C[:, :, None] * rows[:, None, :], starts)
+        result: Array = (rows - np.einsum("ri,rij->rj", C, share[view])) / sigma_px
+        return result
+
+    return whiten
 
 
 def make_residual(
     candidate: Candidate, config: CameraConfig, target: Target
 ) -> ReprojectionResidual:
-    """The residual of one candidate, whitened by the camera's `sigma_px`."""
+    """The residual of one candidate, whitened by the camera's `sigma_px`.
+
+    Mean corners of several images have less noise, by their `noise_ratio`; along the six
+    directions in which their pose moves them together they have `pose_ratio` times that.
+    """
     uv = np.asarray(candidate.measurement["uv"], dtype=np.float64)
     p_t = target.points[np.asarray(candidate.measurement["index"])]
     if p_t.ndim != 2 or uv.shape != (len(p_t), 2) or not len(uv):
@@ -101,7 +134,16 @@ def make_residual(
             f"a camera's candidate has `index` of shape {p_t.shape[:-1]} and `uv` of shape "
             f"{uv.shape}; expected (M,) and (M, 2), one row for each corner"
         )
-    return ReprojectionResidual(lens_of(config), p_t, uv, config.sigma_px)
+    sigma_px = config.sigma_px * float(candidate.measurement.get("noise_ratio", 1.0))
+    lens, ratio = lens_of(config), float(candidate.measurement.get("pose_ratio", 1.0))
+    if not ratio >= 1:
+        raise ObservationError(f"a camera's candidate has `pose_ratio` {ratio}, expected 1 or more")
+    if ratio == 1 or len(uv) < 3 or not isinstance(candidate.geometry, PoseGeometry):
+        return ReprojectionResidual(lens, p_t, uv, sigma_px)
+    J = reprojection(lens, candidate.geometry.T_s_t, p_t, uv)[1].reshape(-1, 6)
+    # (I - c Q Q^T)^2 is the inverse of I + (ratio^2 - 1) Q Q^T for c = 1 - 1 / ratio.
+    common = np.linalg.qr(J)[0] * np.sqrt(1 - 1 / ratio)
+    return ReprojectionResidual(lens, p_t, uv, sigma_px, common)
 
 
 def errors(candidate: Candidate, config: CameraConfig, target: Target, T_s_t: Array) -> Array:

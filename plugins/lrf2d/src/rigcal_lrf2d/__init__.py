@@ -5,10 +5,12 @@ from __future__ import annotations
 import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
 from rigcal.ranging import RANGE_BIAS, RangeEffects
+from rigcal_lrf2d.combine import combine
 from rigcal_lrf2d.config import Lrf2dConfig
 from rigcal_lrf2d.decode import MESSAGE_TYPES, decode, view
 from rigcal_lrf2d.detector import detect
 from rigcal_lrf2d.fit import fit
+from rigcal_lrf2d.near import near
 from rigcal_lrf2d.residual import errors, residual
 from rigcal_lrf2d.scan import Scan
 from rigcal_lrf2d.simulator import MESSAGE_TYPE, encode, observe, sees, simulate
@@ -21,6 +23,8 @@ LRF2D = SensorType(
     message_types=MESSAGE_TYPES,
     decode=decode,
     detect=detect,
+    combine=combine,
+    near=near,
     residual=residual,
     errors=errors,
     unit="m",

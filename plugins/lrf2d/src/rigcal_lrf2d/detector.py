@@ -48,7 +48,7 @@ def detect(scan: Scan, config: Lrf2dConfig, target: Target) -> Detection:
     scores = _scores(segments, ends, beams, noise, short)
     candidates: list[Candidate] = []
     for i in np.argsort(-scores, kind="stable"):
-        candidate = _candidate(segments, ends, int(i), beams, noise, float(scores[i]))
+        candidate = candidate_of(segments, ends, int(i), beams, noise, float(scores[i]))
         if candidate is not None:
             candidates.append(candidate)
         if len(candidates) == MAX_CANDIDATES:
@@ -74,7 +74,7 @@ def _scores(segments: Segments, ends: Ends, beams: Beams, noise: RangeNoise, sho
     return result
 
 
-def _candidate(
+def candidate_of(
     segments: Segments, ends: Ends, i: int, beams: Beams, noise: RangeNoise, score: float
 ) -> Candidate | None:
     """Segment i as a candidate; None if it is too short to tell a direction."""

@@ -26,7 +26,8 @@ def residual(candidate: Candidate, config: Lrf2dConfig, target: Target) -> Resid
     angles, ranges = _beams(candidate, config)
     d_s = directions(angles)
     line = total_least_squares(d_s[:, :2] * ranges[:, None])
-    sigma = line.sigma(d_s[:, :2], config.noise)
+    ratio = float(candidate.measurement.get("noise_ratio", 1.0))
+    sigma = ratio * line.sigma(d_s[:, :2], config.noise)
     n, d = np.append(line.normal, 0.0), float(line.d)
     if config.refine:
         return biased_beam_residual(

@@ -59,11 +59,11 @@ def straight_segments(
     members = (index >= starts[seeds, None]) & (index < ends[seeds, None])
     members = _grown(beams, members, noise, max_gap)
     members = _distinct(members[np.count_nonzero(members, axis=1) >= MIN_BEAMS])
-    segments = _segments(beams, members)
+    segments = segments_of(beams, members)
     return segments.select(segments.length <= longest[segments.first])
 
 
-def _segments(beams: Beams, members: Mask) -> Segments:
+def segments_of(beams: Beams, members: Mask) -> Segments:
     """Lines, ends and lengths (m, along the line) of sets of beams (S, M)."""
     line = line_of_moments(members @ beams.moments)[0]
     first = np.argmax(members, axis=1)

@@ -6,9 +6,11 @@ import rigcal.plugin as rp
 from rigcal.plugin.contract import SensorType
 from rigcal.ranging import RANGE_BIAS, RangeEffects
 from rigcal_lrf3d.cloud import MESSAGE_TYPES, Cloud, decode, view
+from rigcal_lrf3d.combine import combine
 from rigcal_lrf3d.config import Lrf3dConfig
 from rigcal_lrf3d.detector import detect
 from rigcal_lrf3d.feature import fit, observe
+from rigcal_lrf3d.near import near
 from rigcal_lrf3d.residual import errors, residual
 from rigcal_lrf3d.scans import DepthScan, MultibeamScan, RosetteScan, SpinningScan
 from rigcal_lrf3d.simulator import MESSAGE_TYPE, encode, sees, simulate
@@ -30,6 +32,8 @@ LRF3D = SensorType(
     message_types=MESSAGE_TYPES,
     decode=decode,
     detect=detect,
+    combine=combine,
+    near=near,
     residual=residual,
     errors=errors,
     unit="m",

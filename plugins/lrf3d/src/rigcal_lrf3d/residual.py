@@ -31,7 +31,8 @@ def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Resid
     n, d = geometry.normal, geometry.d
     ranges, directions = beams(points)
     cosine = directions @ n
-    sigma = sigma_on(points, n, d, config.noise)
+    ratio = float(candidate.measurement.get("noise_ratio", 1.0))
+    sigma = ratio * sigma_on(points, n, d, config.noise)
     at_sensor = config.beams_start_at_sensor
     # A beam of unit length that falls on the plane along its normal measures the distance.
     beam = (

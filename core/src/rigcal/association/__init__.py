@@ -1,0 +1,1 @@
+"""Which frames show the board in the same pose, and what they say together."""

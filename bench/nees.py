@@ -19,31 +19,12 @@ from scipy.stats import chi2
 import rigcal_sim
 from rigcal.estimation import calibrate
 from rigcal.geometry import se3
-from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
-from rigcal.rig import T_root_sensors, build_targets, load_rig
-from rigcal_sim.sampling import sample_board_poses
+from rigcal.rig import T_root_sensors, load_rig
+from rigcal_sim.features import observe_boards
 from rigcal_sim.scenario_file import load_scenario
-from rigcal_sim.sight import sensor_poses
 
 DEMO = Path(rigcal_sim.__file__).parent / "demo"
-
-
-def observations(rig, registry, scenario, seed):
-    """What flawless detectors report: one candidate per sensor and exposure in view."""
-    (target,) = build_targets(rig, registry).values()
-    boards = sample_board_poses(rig, registry, target, scenario, seed)
-    T_w_s = sensor_poses(rig, scenario)
-    rng = np.random.default_rng(seed)
-    result = []
-    for k, T_w_t in enumerate(boards.T_w_t):
-        for name, config in rig.sensors.items():
-            T_s_t = se3.inverse(T_w_s[name]) @ T_w_t
-            observe = registry.sensor_type(config.type).observe
-            candidate = observe(T_s_t, config, target, rng)
-            found = () if candidate is None else (candidate,)
-            result.append(Observation(name, str(k), 0, f"{name} {k}", found, "not in view"))
-    return result
 
 
 def run(rig_path, scenario_path, seed):
@@ -51,7 +32,7 @@ def run(rig_path, scenario_path, seed):
     registry = Registry.from_entry_points()
     rig = load_rig(rig_path, registry)
     scenario = load_scenario(scenario_path, rig, registry)
-    seen = observations(rig, registry, scenario, seed)
+    seen = observe_boards(rig, registry, scenario, seed).observations
     calibration = calibrate(rig, registry, seen, seed=seed)
     truth = T_root_sensors(rig)
     rows = {}

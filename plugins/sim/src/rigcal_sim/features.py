@@ -1,0 +1,46 @@
+"""Observations without raw data: what flawless detectors would report, for studies of estimates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.observation import Observation
+from rigcal.plugin.registry import Registry
+from rigcal.rig import Rig, build_targets
+from rigcal_sim.sampling import sample_board_poses
+from rigcal_sim.scenario import ScenarioConfig
+from rigcal_sim.sight import sensor_poses
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Observations, at most one candidate each, and the true `T_root_t` (4, 4) per exposure."""
+
+    observations: tuple[Observation, ...]
+    T_root_t: dict[str, Array]
+
+
+def observe_boards(rig: Rig, registry: Registry, scenario: ScenarioConfig, seed: int) -> Features:
+    """The boards of a scenario as each sensor observes them, with the configured noise.
+
+    Boards and noise are drawn anew for every seed. The rig has one target, and every type of its
+    sensors can `observe`.
+    """
+    (target,) = build_targets(rig, registry).values()
+    boards = sample_board_poses(rig, registry, target, scenario, seed)
+    T_w_s = sensor_poses(rig, scenario)
+    rng = np.random.default_rng(seed)
+    observations = []
+    for k, T_w_t in enumerate(boards.T_w_t):
+        for name, config in rig.sensors.items():
+            observe = registry.sensor_type(config.type).observe
+            assert observe is not None, f"{config.type} cannot observe without raw data"
+            candidate = observe(se3.inverse(T_w_s[name]) @ T_w_t, config, target, rng)
+            found = () if candidate is None else (candidate,)
+            observations.append(Observation(name, str(k), 0, f"{name} {k}", found, "not in view"))
+    T_root_w = se3.inverse(T_w_s[rig.root])
+    return Features(tuple(observations), {str(k): T_root_w @ T for k, T in enumerate(boards.T_w_t)})

@@ -9,36 +9,84 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import inside_convex
 from rigcal.targets.target import Target
-from rigcal_camera.texture import texture_of
+from rigcal_camera.texture import Texture, texture_of
 
 FloatImage = NDArray[np.float32]
+Slopes = tuple[FloatImage, FloatImage]
+"""By how much points of the face (..., 2) change from pixel to pixel, along u and along v."""
 
-_SAMPLES = 3
 _FAR_M = 1e3
+_FINE = ((21, 13), (34, 21), (55, 34))
+"""Points in a pixel, and the step between their rows: numbers of Fibonacci make even lattices."""
+_BUDGET = 2_000_000
+"""Points in all pixels in which the print has an edge."""
+_BLOCK = 16_384
+_UPPER_LEFT = np.array([-0.5, -0.5], dtype=np.float32)
 
 
 def face_of(target: Target, T_s_t: Array, rays: FloatImage, px_per_mm: float) -> FloatImage:
     """Grey (H, W) in 0..1 of the board's face along rays (H, W, 3), as if it had no end.
 
-    Each pixel is the mean of 3 x 3 points on the face. The texture is reduced by area to texels as
-    wide as the points are apart and interpolated between them, so that the points together weigh
-    all of the pixel evenly: an edge lies where it is printed at any distance, also one along the
-    pixels' rows. White from behind.
+    A pixel in which the print has an edge is the mean of the print at 21 to 55 points in it. No
+    two of them lie in the same row or column of the pixel, and each has the mean over its share:
+    an edge lies where it is printed at any distance and in any direction. White from behind.
     """
-    import cv2
-
-    height, width = rays.shape[:2]
     T_t_s = se3.inverse(T_s_t)
     if T_t_s[2, 3] <= 0:
-        return np.ones((height, width), dtype=np.float32)
+        return np.ones(rays.shape[:2], dtype=np.float32)
     xy = _plane_points(rays, T_t_s)
-    fine = (width * _SAMPLES, height * _SAMPLES)
-    fine_xy = np.asarray(cv2.resize(xy, fine, interpolation=cv2.INTER_LINEAR), np.float32)
-    texel_m = _pixel_on_face(xy, target) / _SAMPLES
-    face = texture_of(target, px_per_mm).sample(fine_xy, texel_m)
-    mean = cv2.resize(face, (width, height), interpolation=cv2.INTER_AREA)
-    result: FloatImage = np.asarray(mean, np.float32) / np.float32(255)
+    by_uv = np.gradient(xy, axis=1), np.gradient(xy, axis=0)
+    pixel_m, texture = _pixel_on_face(xy, by_uv, target), texture_of(target, px_per_mm)
+    coarse = texture.reduced(pixel_m / 2)
+    face = coarse.sample(xy)
+    edge = _differs(face, coarse.sample(_shifted(xy, by_uv, _UPPER_LEFT)))
+    _draw_edges(face, edge, xy, by_uv, texture, pixel_m)
+    return face / np.float32(255)
+
+
+def _differs(middle: FloatImage, corner: FloatImage) -> NDArray[np.bool_]:
+    """Which pixels have other greys in a corner than in another or in their middle, given those
+    (H, W) of the middles and of the upper left corners.
+    """
+    framed = np.pad(corner, ((0, 1), (0, 1)), mode="edge")
+    corners = framed[:-1, :-1], framed[:-1, 1:], framed[1:, :-1], framed[1:, 1:]
+    low, high = middle, middle
+    for other in corners:
+        low, high = np.minimum(low, other), np.maximum(high, other)
+    return high - low > 1
+
+
+def _draw_edges(
+    face: FloatImage,
+    edge: NDArray[np.bool_],
+    xy: FloatImage,
+    by_uv: Slopes,
+    texture: Texture,
+    pixel_m: Array,
+) -> None:
+    """The mean of many points in each pixel of `edge`, as many as the budget allows."""
+    v, u = np.nonzero(edge)
+    allowed = max(_BUDGET // max(len(v), 1), _FINE[0][0])
+    lattice = max(lattice for lattice in _FINE if lattice[0] <= allowed)
+    fine = texture.reduced(pixel_m / np.sqrt(lattice[0]))
+    places = _lattice(*lattice)
+    for start in range(0, len(v), _BLOCK):
+        at = v[start : start + _BLOCK, None], u[start : start + _BLOCK, None]
+        slopes = by_uv[0][at], by_uv[1][at]
+        face[at[0][:, 0], at[1][:, 0]] = fine.sample(_shifted(xy[at], slopes, places)).mean(axis=1)
+
+
+def _shifted(xy: FloatImage, by_uv: Slopes, place: FloatImage) -> FloatImage:
+    """Points of the face at places (..., 2) in the pixels, given their middles and slopes."""
+    result: FloatImage = xy + place[..., :1] * by_uv[0] + place[..., 1:] * by_uv[1]
     return result
+
+
+def _lattice(count: int, step: int) -> NDArray[np.float32]:
+    """Places (count, 2) in a pixel, -0.5 to 0.5: a lattice of which no direction is coarse."""
+    index = np.arange(count)
+    places = (np.stack([index, index * step % count], axis=1) + 0.5) / count - 0.5
+    return places.astype(np.float32)
 
 
 def _plane_points(rays: FloatImage, T_t_s: Array) -> FloatImage:
@@ -53,11 +101,10 @@ def _plane_points(rays: FloatImage, T_t_s: Array) -> FloatImage:
     return near
 
 
-def _pixel_on_face(xy: FloatImage, target: Target) -> Array:
-    """Extent (2,) along the board's x and y (m) of a pixel's sides, the median over the board."""
-    sides = np.stack([np.diff(xy, axis=1)[:-1], np.diff(xy, axis=0)[:, :-1]])
-    on_board = inside_convex(xy[:-1, :-1].astype(np.float64), target.outline)
+def _pixel_on_face(xy: FloatImage, by_uv: Slopes, target: Target) -> Array:
+    """Extent (2,) of a pixel along the board's x and y (m), the median over the board."""
+    on_board = inside_convex(xy.astype(np.float64), target.outline)
     if not on_board.any():
         return np.zeros(2)
-    result: Array = np.median(np.abs(sides[:, on_board]), axis=1).max(axis=0)
+    result: Array = np.median(np.hypot(by_uv[0][on_board], by_uv[1][on_board]), axis=0)
     return result

@@ -28,9 +28,9 @@ class Texture:
     origin: Array
     texel_m: float
 
-    def sample(self, xy: NDArray[np.float32], texel_m: Array) -> NDArray[np.float32]:
-        """Print (H, W) in 0..255 at target-frame positions (H, W, 2), interpolated between texels
-        of about `texel_m` (2,) along x and y, or of level 0 where that is coarser.
+    def reduced(self, texel_m: Array) -> Reduced:
+        """The print averaged over texels of about `texel_m` (2,) along x and y, or level 0 where
+        that is coarser.
 
         Texel i of width w has its centre at `origin + (i + 0.5) w` whatever its width, so that no
         reduction shifts an edge.
@@ -46,11 +46,29 @@ class Texture:
         if (count < size).any():
             reduced = cv2.resize(image, count.tolist(), interpolation=cv2.INTER_AREA)
             image = np.asarray(reduced, dtype=np.uint8)
-        scale = (np.array([1.0, -1.0]) / width).astype(np.float32)
-        shift = (-self.origin * scale - 0.5).astype(np.float32)
-        column, row = (xy[..., i] * scale[i] + shift[i] for i in (0, 1))
+        scale = np.array([1.0, -1.0]) / width
+        shift = -self.origin * scale - 0.5
+        return Reduced(image.astype(np.float32), scale.astype(np.float32), shift.astype(np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """The board's face with wider texels: texel = scale * xy + shift, (2,) each."""
+
+    image: NDArray[np.float32]
+    scale: NDArray[np.float32]
+    shift: NDArray[np.float32]
+
+    def sample(self, xy: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Print (H, W) in 0..255 at target-frame positions (H, W, 2), interpolated between texels.
+
+        H and W up to 32766.
+        """
+        import cv2
+
+        column, row = (xy[..., i] * self.scale[i] + self.shift[i] for i in (0, 1))
         sampled = cv2.remap(
-            image.astype(np.float32), column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            self.image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
         return np.asarray(sampled, dtype=np.float32)
 

@@ -15,7 +15,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from rigcal.estimation import finish, pairwise_calibration, prepare
 from rigcal.geometry import se3
@@ -24,6 +23,7 @@ from rigcal.graph.method import Method
 from rigcal.graph.msgcal import graph_error_m2
 from rigcal.plugin.registry import Registry
 from rigcal.rig import T_root_sensors, load_rig
+from rigcal.workers import in_order
 from rigcal_sim.features import observe_boards
 from rigcal_sim.scenario_file import load_scenario
 
@@ -59,8 +59,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--json", type=Path, help="file for the ratios")
     arguments = parser.parse_args()
-    jobs = (delayed(run)(arguments.rig, arguments.scenario, s) for s in range(arguments.runs))
-    runs = Parallel(n_jobs=arguments.jobs)(jobs)
+    files, seeds = (arguments.rig, arguments.scenario), range(arguments.runs)
+    runs = list(in_order(lambda files, seed: run(*files, seed), files, seeds, arguments.jobs))
     print(f"{len(runs)} runs; ratios are rms error / Cramer-Rao bound, +- two standard deviations")
     print_errors(runs)
     ratios = print_ratios(runs)

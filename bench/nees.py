@@ -10,10 +10,10 @@ true; the mean over n runs lies in chi2(6 n) / n (Bar-Shalom, Li, Kirubarajan 20
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy.stats import chi2
 
 import rigcal_sim
@@ -21,6 +21,7 @@ from rigcal.estimation import calibrate
 from rigcal.geometry import se3
 from rigcal.plugin.registry import Registry
 from rigcal.rig import T_root_sensors, load_rig
+from rigcal.workers import in_order
 from rigcal_sim.features import observe_boards
 from rigcal_sim.scenario_file import load_scenario
 
@@ -54,8 +55,9 @@ def main():
     parser.add_argument("scenario", nargs="?", default=DEMO / "scenario.yaml", type=Path)
     parser.add_argument("--runs", type=int, default=50)
     arguments = parser.parse_args()
-    jobs = (delayed(run)(arguments.rig, arguments.scenario, s) for s in range(arguments.runs))
-    runs = Parallel(n_jobs=-1, verbose=0)(jobs)
+    files, seeds = (arguments.rig, arguments.scenario), range(arguments.runs)
+    jobs = os.cpu_count() or 1
+    runs = list(in_order(lambda files, seed: run(*files, seed), files, seeds, jobs))
     rig = load_rig(arguments.rig, Registry.from_entry_points())
     n = arguments.runs
     print(f"{n} runs; mean NEES of one sensor is in {interval(n)} in 95 % of the cases")

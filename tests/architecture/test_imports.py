@@ -19,7 +19,17 @@ PACKAGES = {
     for path in sorted([*ROOT.glob("core/src/*"), *ROOT.glob("plugins/*/src/*")])
     if (path / "__init__.py").is_file()
 }
-HEAVY = ("cv2", "gtsam", "joblib", "loky", "matplotlib", "networkx", "open3d", "scipy", "shapely")
+HEAVY = (
+    "cv2",
+    "cloudpickle",
+    "gtsam",
+    "loky",
+    "matplotlib",
+    "networkx",
+    "open3d",
+    "scipy",
+    "shapely",
+)
 FACES = ("rigcal.cli", "rigcal.report")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from rigcal.recording import (
 )
 from rigcal.rig import Rig, build_targets
 from rigcal.targets.target import Target
+from rigcal.workers import in_order
 
 _FRAMES_PER_TASK = 8
 _log = logging.getLogger(__name__)
@@ -70,7 +71,7 @@ class DetectedFrame:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    stream: Stream
+    sensor: str
     looks: tuple[Look, ...]
 
 
@@ -108,7 +109,7 @@ def look_at(
     does not depend on it.
     """
     tasks = [
-        _Task(streams[sensor], tuple(own[first : first + _FRAMES_PER_TASK]))
+        _Task(sensor, tuple(own[first : first + _FRAMES_PER_TASK]))
         for sensor, own in looks.items()
         for first in range(0, len(own), _FRAMES_PER_TASK)
     ]
@@ -116,7 +117,8 @@ def look_at(
     tell = progress or (lambda *_: None)
     tell(stage, 0, total)
     frames: list[DetectedFrame] = []
-    for part in _run(tasks, jobs or os.cpu_count() or 1):
+    jobs = min(jobs or os.cpu_count() or 1, len(tasks))
+    for part in in_order(_look, streams, tasks, jobs):
         frames.extend(part)
         tell(stage, len(frames), total)
     order = {s: i for i, s in enumerate(streams)}
@@ -136,20 +138,10 @@ def check_readable(frames: Sequence[DetectedFrame]) -> None:
             )
 
 
-def _run(tasks: Sequence[_Task], jobs: int) -> Iterable[list[DetectedFrame]]:
-    """Results of the tasks, in any order."""
-    if jobs == 1 or len(tasks) < 2:
-        return map(_look, tasks)
-    from joblib import Parallel, delayed
-
-    parallel = Parallel(n_jobs=min(jobs, len(tasks)), return_as="generator_unordered")
-    results: Iterable[list[DetectedFrame]] = parallel(delayed(_look)(t) for t in tasks)
-    return results
-
-
-def _look(task: _Task) -> list[DetectedFrame]:
+def _look(streams: Mapping[str, Stream], task: _Task) -> list[DetectedFrame]:
     """A few frames of one stream (runs in a worker process)."""
-    stream, kind = task.stream, task.stream.kind
+    stream = streams[task.sensor]
+    kind = stream.kind
     wanted = {look.index: look for look in task.looks}
     first, last = min(wanted), max(wanted)
     frames, definitions = [], kind.message_definitions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping, Sequence
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_SETTINGS = Lock()
 _VIEWS = (("x", "y"), ("x", "z"), ("y", "z"))
 _AXIS_COLOURS = ("#c0392b", "#27ae60", "#2464b4")
 _INK, _BOARD, _GRID = "#222222", "#9aa7b4", "#e6e9ec"
@@ -106,7 +108,8 @@ def _svg(figure: Figure) -> str:
     import matplotlib
 
     buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": "rigcal", "svg.fonttype": "none"}):
+    # Matplotlib's settings belong to the whole process.
+    with _SETTINGS, matplotlib.rc_context({"svg.hashsalt": "rigcal", "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     return re.sub(r"<metadata>.*?</metadata>\s*", "", text[text.index("<svg") :], flags=re.DOTALL)

@@ -18,7 +18,7 @@ from rigcal.plugin import Registry, SensorType, hookimpl
 from rigcal.rig import parse_rig, rig_schema
 from rigcal.testing.stage import Stage
 
-HEAVY = ["cv2", "gtsam", "joblib", "matplotlib", "networkx", "open3d", "pandas", "pyapriltags"]
+HEAVY = ["cv2", "gtsam", "loky", "matplotlib", "networkx", "open3d", "pandas", "pyapriltags"]
 HEAVY += ["scipy", "sklearn", "tensorflow", "torch"]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,7 @@ def _square_greys(target: Target) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _charuco_detector(config: Any) -> Any:
+def _charuco_detector(config: Any, thread: int) -> Any:
     import cv2
 
     from rigcal.targets.charuco import opencv_board
@@ -104,7 +105,7 @@ def _charuco_detector(config: Any) -> Any:
 def find_charuco_corners(image: Image, target: Target, lens: Lens) -> Corners:
     """The chessboard corners of a ChArUco board that lie between markers found."""
     config: Any = target.config
-    detector = _charuco_detector(config)
+    detector = _charuco_detector(config, get_ident())
     uv, ids, _, markers = detector.detectBoard(255 - image if config.inverted else image)
     if ids is None or len(ids) == 0:
         seen = 0 if markers is None else len(markers)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -79,7 +80,8 @@ def _labelled(ids: NDArray[np.int64], uv: Array, target: Target, lens: Lens) -> 
 
 
 @lru_cache(maxsize=8)
-def _april_detector(family: str, decimate: float) -> Any:
+def _april_detector(family: str, decimate: float, thread: int) -> Any:
+    """A detector for one thread: two at a time in one of them crash the library."""
     from pyapriltags import Detector
 
     return Detector(families=family, nthreads=1, quad_decimate=decimate)
@@ -114,7 +116,7 @@ def _sizes_m(target: Target) -> Array:
 
 def _detected(image: Image, family: str, decimate: float) -> Tags:
     found = {}
-    detections = _april_detector(family, decimate).detect(image)
+    detections = _april_detector(family, decimate, get_ident()).detect(image)
     for tag in sorted(detections, key=lambda tag: tag.decision_margin):
         if tag.hamming <= _MAX_HAMMING and tag.decision_margin >= _MIN_MARGIN:
             found[int(tag.tag_id)] = tag.corners
@@ -124,7 +126,7 @@ def _detected(image: Image, family: str, decimate: float) -> Tags:
 
 
 @lru_cache(maxsize=8)
-def _aruco_detector(family: str, border_cells: int) -> Any:
+def _aruco_detector(family: str, border_cells: int, thread: int) -> Any:
     import cv2
 
     name = f"DICT_APRILTAG_{family.removeprefix('tag')}"
@@ -141,7 +143,7 @@ def _aruco_tags(image: Image, family: str, border_cells: int) -> Tags:
     """Tags with wide borders by OpenCV; in the image enlarged twice if they seem to be small."""
     import cv2
 
-    detector = _aruco_detector(family, border_cells)
+    detector = _aruco_detector(family, border_cells, get_ident())
     corners, ids, _ = detector.detectMarkers(image)
     scale = 1
     if ids is None or len(ids) < _MIN_TAGS:

@@ -21,6 +21,7 @@ from rigcal.recording.writer import RecordingWriter
 from rigcal.rig import Rig, T_root_sensors, build_targets
 from rigcal.targets import Target
 from rigcal.validation import nearest_of
+from rigcal.workers import in_order
 from rigcal_sim.carry import tour
 from rigcal_sim.default import default_scenario
 from rigcal_sim.frames import Entry, Setting, check_simulable, simulate_shots, static_transforms
@@ -30,7 +31,6 @@ from rigcal_sim.scenario import ScenarioConfig
 from rigcal_sim.scenario_file import sensor_effects
 from rigcal_sim.sight import sensor_poses
 from rigcal_sim.timing import ContinuousConfig
-from rigcal_sim.workers import in_order
 
 FORMATS = ("mcap", "bag")
 _BATCH = 16

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
@@ -22,9 +23,11 @@ def in_order(
     """`work(shared, task)` of every task, in the order of the tasks.
 
     With more than one job in worker processes, which get `shared` once. At most two results per
-    process wait to be taken, so that memory does not grow with the number of tasks.
+    process wait to be taken, so that memory does not grow with the number of tasks. Whoever stops
+    taking results stops the work. A program without standard streams (a service, a window) does it
+    in its own process: loky cannot start others there.
     """
-    if jobs == 1:
+    if jobs <= 1 or sys.stdout is None or sys.stderr is None:
         for task in tasks:
             yield work(shared, task)
         return

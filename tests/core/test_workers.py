@@ -7,7 +7,7 @@ from operator import mul, truediv
 
 import pytest
 
-from rigcal_sim.workers import in_order
+from rigcal.workers import in_order
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -22,7 +22,7 @@ from rigcal.observation import (
     PoseGeometry,
 )
 
-FRAMES, EXPOSURES, RECORDINGS = 10, 20, 3
+FRAMES, EXPOSURES, RECORDINGS = 10, 15, 2
 POSE = se3.transform(se3.exp_so3(np.array([2.8, 0.3, -0.2])), np.array([0.3, -0.2, 2.5]))
 COVARIANCE = np.diag([4e-6, 2e-6, 1e-6, 4e-6, 2e-6, 9e-6])
 

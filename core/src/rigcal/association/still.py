@@ -22,7 +22,8 @@ def still_intervals(sightings: Sequence[Sightings], hold_s: float) -> list[Inter
     """(start, end) in s of the exposures, in order, for sensors that look at one target.
 
     Rests that are certain come first, long ones before short ones. Rests of other sensors that
-    share most of their time with one are the same exposure; it lasts as long as all of them do.
+    share most of their time with one are the same exposure; it lasts as long as all certain ones of
+    them do, or else all.
     Surfaces alone (a wall that somebody half hides, somebody who stands still) make an exposure
     only where two sensors agree, and no sensor that is certain sees the board move.
     """
@@ -35,8 +36,9 @@ def still_intervals(sightings: Sequence[Sightings], hold_s: float) -> list[Inter
         linked = _linked(seed, found)
         if not seed.certain and not linked:
             continue
-        start = max(r.start_s for r in (seed, *linked)) + _MARGIN_S
-        end = min(r.end_s for r in (seed, *linked)) - _MARGIN_S
+        together = [r for r in (seed, *linked) if r.certain] or [seed, *linked]
+        start = max(r.start_s for r in together) + _MARGIN_S
+        end = min(r.end_s for r in together) - _MARGIN_S
         contradicts = np.count_nonzero((moving > start) & (moving < end)) >= 2
         if end - start < 0.5 * hold_s or (contradicts and not seed.certain):
             continue

@@ -45,11 +45,13 @@ def calibrate(
         typer.Option(help="Start from the spanning tree of the pairs, or with all at the root."),
     ] = "tree",
     second_look: Annotated[
-        bool,
+        bool | None,
         typer.Option(
-            help="Search a continuous recording again where sensors should have seen the target."
+            "--second-look/--no-second-look",
+            help="Search a recording again where sensors should have seen the target and did not; "
+            "default: if it is continuous.",
         ),
-    ] = True,
+    ] = None,
     report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -70,8 +72,9 @@ def calibrate(
     with progress_bar(quiet or json) as progress:
         observations, about = _observations(rig, registry, rig_file, data, out, progress, jobs)
         calibration = estimate(rig, registry, observations, seed, progress, method)
-        still = association_of(rig.association, observations) == "still"
-        if second_look and still and data.suffix != ".npz":
+        if second_look is None:
+            second_look = association_of(rig.association, observations) == "still"
+        if second_look and data.suffix != ".npz":
             again = look_again(rig, registry, data, observations, calibration, progress, jobs)
             if added := found_again(observations, again):
                 calibration = estimate(rig, registry, again, seed, progress, method)

@@ -1,6 +1,7 @@
 """Simulate, calibrate, evaluate: from raw messages to a tree of transforms."""
 
 import json
+import re
 
 import numpy as np
 
@@ -58,6 +59,17 @@ def test_detection_alone_does_not_depend_on_the_number_of_processes(
     out = tmp_path / "observations.npz"
     assert run("detect", rig, recording, "--out", out, "--jobs", 1, "--quiet") == 0
     assert out.read_bytes() == (calibrated / "observations.npz").read_bytes()
+
+
+def test_the_report_shows_pictures_from_the_recording(calibrated):
+    page = (calibrated / "report.html").read_text()
+    shown = set(re.findall(r'alt="Points of (\w+) on an image of (\w+)"', page))
+    assert shown == {(laser, camera) for laser in ("lidar", "scan") for camera in ("left", "right")}
+    assert set(re.findall(r'alt="Errors of (\w+):', page)) == {"left", "right", "scan", "lidar"}
+    result = load_calibration(calibrated / "calibration.yaml")
+    pictured = set(re.findall(r'alt="(\w+) in exposure (\w+)"', page))
+    assert pictured == {(r.sensor, r.exposure) for r in result.rejected}
+    assert len(page) < 5_000_000
 
 
 def test_evaluate_speaks_json(calibrated, simulated, run, capsys):

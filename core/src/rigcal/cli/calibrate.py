@@ -83,7 +83,10 @@ def calibrate(
                 save_observations(out / "observations.npz", observations, header)
         made_from = {"versions": versions(rig, registry), **about}
         calibration = replace(calibration, provenance={**calibration.provenance, **made_from})
-        files = write_results(out, calibration, observations, rig, registry, report)
+        recording = data if data.suffix != ".npz" else None
+        files = write_results(
+            out, calibration, observations, rig, registry, report, recording, progress
+        )
     if json:
         print_json({"files": files, **_as_mapping(calibration)})
     elif not quiet:
@@ -101,6 +104,8 @@ def write_results(
     rig: Rig,
     registry: Registry,
     report: bool = True,
+    recording: Path | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, str]:
     """Write the files of a calibration into a folder; returns their paths by what they hold."""
     from rigcal.calibration_file import save_calibration
@@ -111,7 +116,7 @@ def write_results(
         from rigcal.report import write_report
 
         files["report"] = out / "report.html"
-        write_report(files["report"], calibration, observations, rig, registry)
+        write_report(files["report"], calibration, observations, rig, registry, recording, progress)
     else:
         # One of an earlier run would tell of another result.
         (out / "report.html").unlink(missing_ok=True)

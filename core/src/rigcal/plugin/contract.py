@@ -194,6 +194,7 @@ Simulate = Callable[[Array, Scene, Any, np.random.Generator, Any], Frame]
 Encode = Callable[[Frame, Any, int, str], Any]
 Transport = Callable[[Any, Any], Any]
 Errors = Callable[[Candidate, Any, Target, Array], Array]
+MeasuredAt = Callable[[Candidate, Any, Target, Array], Array]
 View = Callable[[Message, Any], FrameView]
 Combine = Callable[[Sequence[Candidate], MeanGeometry, Any, Target], Candidate]
 Near = Callable[[Frame, Any, Target, Array], Detection]
@@ -226,6 +227,8 @@ class SensorType:
                     that somebody else found on the target (the corners in an image, the points of
                     a cloud that are on the board), under the names of the candidates' own; raises
                     ObservationError for arrays that are missing or do not fit together
+    measured_at     (candidate, config, target, T_s_t) -> (N, 3) where in the sensor's frame, on the
+                    target, each row of `errors` was measured; reports show errors by place
     observe         (T_s_t, config, target, rng) -> Candidate or None: what a flawless detector
                     would report of a target in plain view, with the configured noise
     simulate        (T_w_s, scene, config, rng, effects) -> frame
@@ -255,6 +258,7 @@ class SensorType:
     residual: MakeResidual | None = None
     errors: Errors | None = None
     unit: str = "m"
+    measured_at: MeasuredAt | None = None
     observe: Observe | None = None
     simulate: Simulate | None = None
     encode: Encode | None = None

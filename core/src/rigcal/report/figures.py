@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from threading import Lock
 from typing import TYPE_CHECKING
 
@@ -20,27 +20,7 @@ if TYPE_CHECKING:
 _SETTINGS = Lock()
 _VIEWS = (("x", "y"), ("x", "z"), ("y", "z"))
 _AXIS_COLOURS = ("#c0392b", "#27ae60", "#2464b4")
-_INK, _BOARD, _GRID = "#222222", "#9aa7b4", "#e6e9ec"
-
-
-def boards_figure(sensors: Mapping[str, Array], boards: Sequence[Array]) -> str:
-    """SVG of the rig among its target positions, seen along each axis of the root's frame.
-
-    `sensors` holds `T_root_s` (4, 4) by name, `boards` the outlines (K, 3) in the root's frame.
-    """
-    from matplotlib.collections import PolyCollection
-
-    figure, panels = _panels("{} [m]")
-    points = np.vstack([*(T[None, :3, 3] for T in sensors.values()), *boards])
-    length = 0.08 * _extent(points)
-    for axes, (i, j) in panels:
-        outlines = [board[:, [i, j]] for board in boards]
-        style = {"facecolors": "none", "edgecolors": _BOARD, "linewidths": 0.6}
-        axes.add_collection(PolyCollection(outlines, **style))  # type: ignore[arg-type]
-        for T in sensors.values():
-            _draw_frame(axes, T, i, j, length)
-        _frame_view(axes, points, i, j)
-    return _svg(figure)
+_INK, _GRID = "#222222", "#e6e9ec"
 
 
 def rig_figure(sensors: Mapping[str, Array]) -> str:

@@ -1,10 +1,13 @@
-"""Assembly of the report: tables and figures put into one HTML page."""
+"""Assembly of the report: tables, figures, pictures and the 3D view put into one HTML page."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from rigcal.calibration import Calibration
 from rigcal.files import write_text
@@ -12,7 +15,11 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
+from rigcal.progress import Progress
 from rigcal.report import tables
+from rigcal.report.pictures import Pictures, pictures
+from rigcal.report.scene3d import scene3d
+from rigcal.report.sensor_errors import as_refined, errors_by_sensor, exposure_of
 from rigcal.rig import Rig, build_targets
 
 
@@ -22,17 +29,26 @@ def write_report(
     observations: Sequence[Observation],
     rig: Rig,
     registry: Registry,
+    recording: Path | None = None,
+    progress: Progress | None = None,
 ) -> None:
     """Write the report of a calibration as one self-contained HTML file.
 
-    `observations` are those that the calibration was made from. The same input gives the same
-    bytes. The file appears whole or not at all; InputError when it cannot be written.
+    `observations` are those that the calibration was made from, `recording` what they were detected
+    in: with it the report shows pictures. The same input gives the same bytes. The file appears
+    whole or not at all; InputError when it cannot be written, RecordingError when the recording
+    cannot be read.
     """
-    write_text(path, render(calibration, observations, rig, registry))
+    write_text(path, render(calibration, observations, rig, registry, recording, progress))
 
 
 def render(
-    calibration: Calibration, observations: Sequence[Observation], rig: Rig, registry: Registry
+    calibration: Calibration,
+    observations: Sequence[Observation],
+    rig: Rig,
+    registry: Registry,
+    recording: Path | None = None,
+    progress: Progress | None = None,
 ) -> str:
     """The report's HTML text."""
     import jinja2
@@ -44,19 +60,21 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    shown = Pictures()
+    if recording is not None:
+        shown = pictures(recording, calibration, observations, rig, registry, progress)
     page = environment.get_template("report.html")
-    return page.render(_context(calibration, observations, rig, registry))
+    return page.render(
+        _texts(calibration, observations, rig)
+        | _figures(calibration, observations, rig, registry, progress)
+        | {"overlays": shown.overlays, "left_out": shown.left_out}
+        | {"thumbnails": shown.thumbnails or {}, "has_pictures": recording is not None}
+    )
 
 
-def _context(
-    calibration: Calibration, observations: Sequence[Observation], rig: Rig, registry: Registry
+def _texts(
+    calibration: Calibration, observations: Sequence[Observation], rig: Rig
 ) -> dict[str, Any]:
-    from markupsafe import Markup
-
-    from rigcal.report import figures
-
-    sensors = {name: calibration.T(calibration.root, name) for name in calibration.sensors}
-    boards = _boards(calibration, observations, rig, registry)
     return {
         "title": f"Calibration of {rig.name}",
         "headline": tables.headline(calibration),
@@ -69,20 +87,78 @@ def _context(
         "exposures": tables.exposure_rows(calibration, observations),
         "rejections": tables.rejections(calibration, observations),
         "provenance": tables.provenance_rows(calibration.provenance),
-        # The figures are the only text that is not escaped: matplotlib escapes what it draws.
-        "rig_figure": Markup(figures.rig_figure(sensors)),
-        "boards_figure": Markup(figures.boards_figure(sensors, boards)) if boards else None,
     }
+
+
+def _figures(
+    calibration: Calibration,
+    observations: Sequence[Observation],
+    rig: Rig,
+    registry: Registry,
+    progress: Progress | None,
+) -> dict[str, Any]:
+    from markupsafe import Markup
+
+    from rigcal.report import figures
+
+    poses = {name: calibration.T(calibration.root, name) for name in calibration.sensors}
+    boards = _boards(calibration, observations, rig, registry)
+    # What is not escaped: matplotlib escapes what it draws, JSON what it holds, scripts are ours.
+    return {
+        "rig_figure": Markup(figures.rig_figure(poses)),
+        "scene": Markup(scene3d(calibration, rig, registry, boards)),
+        "scripts": [Markup(_part(name)) for name in ("viewer.js", "sorting.js")],
+        "style": Markup(_part("report.css")),
+        "error_figures": _error_figures(calibration, observations, rig, registry, progress),
+    }
+
+
+def _error_figures(
+    calibration: Calibration,
+    observations: Sequence[Observation],
+    rig: Rig,
+    registry: Registry,
+    progress: Progress | None,
+) -> dict[str, str]:
+    """Data URIs by sensor."""
+    from rigcal.report.error_figures import error_figure
+
+    tell = progress or (lambda *_: None)
+    number = {name: i for i, name in enumerate(sorted_exposures(calibration))}
+    every, result = errors_by_sensor(calibration, observations, rig, registry), {}
+    for done, (name, errors) in enumerate(every.items()):
+        tell("drawing the report", done, len(every))
+        order = np.array([number[exposure] for exposure in errors.exposures])
+        kind = registry.sensor_type(rig.sensors[name].type)
+        config = as_refined(calibration, rig, registry, name)
+        result[name] = error_figure(errors, kind, config, order)
+    tell("drawing the report", len(every), len(every))
+    return result
+
+
+def sorted_exposures(calibration: Calibration) -> list[str]:
+    """Names of the solution's exposures, pose2 before pose10."""
+    return sorted(calibration.target_poses, key=tables.natural_order)
+
+
+def _part(name: str) -> str:
+    return (files("rigcal.report") / name).read_text(encoding="utf-8")
 
 
 def _boards(
     calibration: Calibration, observations: Sequence[Observation], rig: Rig, registry: Registry
-) -> list[Array]:
-    """The outline of the target (K, 3) in the root's frame, per exposure of the solution."""
+) -> Mapping[str, Array]:
+    """The outline of the target (K, 3) in the root's frame, by exposure of the solution."""
     targets = build_targets(rig, registry)
-    shown = {o.exposure: rig.target_of(o.sensor) for o in observations if o.candidates}
+    shown = {
+        exposure_of(calibration, rig, o): rig.target_of(o.sensor)
+        for o in observations
+        if o.candidates
+    }
     first = next(iter(targets))
-    return [
-        se3.apply(T_root_t, targets[shown.get(exposure, first)].outline_points)
-        for exposure, T_root_t in calibration.target_poses.items()
-    ]
+    return {
+        exposure: se3.apply(
+            calibration.target_poses[exposure], targets[shown.get(exposure, first)].outline_points
+        )
+        for exposure in sorted_exposures(calibration)
+    }

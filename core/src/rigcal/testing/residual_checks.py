@@ -46,6 +46,20 @@ class ResidualChecks(Stage):
             candidate = self.candidate(T_s_t, rng, noise=False)
             assert _rms(self.errors(candidate, T_s_t)) < self.feature_tolerance
 
+    @needs("errors", "measured_at")
+    def test_errors_are_measured_on_the_board(self) -> None:
+        rng = np.random.default_rng(0)
+        for T_s_t in self.poses(rng, _POSES):
+            candidate = self.candidate(T_s_t, rng, noise=False)
+            assert self.sensor_type.measured_at is not None
+            points = self.sensor_type.measured_at(candidate, self.config, self.target, T_s_t)
+            assert points.shape == (len(self.errors(candidate, T_s_t)), 3)
+            on_board = se3.apply(se3.inverse(T_s_t), points)
+            half = np.ptp(self.target.outline, axis=0) / 2
+            middle = self.target.outline.min(axis=0) + half
+            assert np.all(np.abs(on_board[:, :2] - middle) < half + 0.02)
+            assert np.all(np.abs(on_board[:, 2]) < 0.02)
+
     @needs("frames")
     def test_detection_is_whole_ordered_and_repeatable(self) -> None:
         rng = np.random.default_rng(0)

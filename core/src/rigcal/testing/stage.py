@@ -107,8 +107,8 @@ class Stage:
         frames: data with a known board, simulated or from an overridden `message`; candidates:
         observed, or detected in frames.
         """
-        parts = ("residual", "errors", "fit", "observe", "simulate", "encode", "sees", "view",
-                 "project")  # fmt: skip
+        parts = ["residual", "errors", "measured_at", "fit", "observe", "simulate", "encode"]
+        parts += ["sees", "view", "project"]
         found = {part: getattr(cls.sensor_type, part, None) is not None for part in parts}
         found["refinable"] = bool(cls.sensor_type.refinable)
         found["extra_messages"] = cls.sensor_type.extra_messages is not None

@@ -19,7 +19,7 @@ from rigcal_camera.lens import Lens, lens_of
 from rigcal_camera.messages import camera_info, encode, transport
 from rigcal_camera.near import near
 from rigcal_camera.refine import LENS
-from rigcal_camera.residual import ReprojectionResidual, errors, make_residual
+from rigcal_camera.residual import ReprojectionResidual, errors, make_residual, measured_at
 from rigcal_camera.simulator import simulate
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "fit",
     "lens_of",
     "make_residual",
+    "measured_at",
     "observe",
     "simulate",
     "transport",
@@ -69,6 +70,7 @@ CAMERA = SensorType(
     residual=make_residual,
     errors=errors,
     unit="px",
+    measured_at=measured_at,
     observe=observe,
     simulate=simulate,
     effects=CameraEffects,

@@ -150,3 +150,8 @@ def errors(candidate: Candidate, config: CameraConfig, target: Target, T_s_t: Ar
     """Reprojection errors (M, 2) in pixels, predicted minus measured."""
     residual = make_residual(candidate, config, target)
     return reprojection(residual.lens, T_s_t, residual.p_t, residual.uv)[0]
+
+
+def measured_at(candidate: Candidate, config: CameraConfig, target: Target, T_s_t: Array) -> Array:
+    """Where the detected corners (M, 3) lie in the camera's frame, m."""
+    return se3.apply(T_s_t, make_residual(candidate, config, target).p_t)

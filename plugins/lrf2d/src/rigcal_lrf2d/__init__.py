@@ -11,7 +11,7 @@ from rigcal_lrf2d.decode import MESSAGE_TYPES, decode, view
 from rigcal_lrf2d.detector import detect
 from rigcal_lrf2d.fit import fit
 from rigcal_lrf2d.near import near
-from rigcal_lrf2d.residual import errors, residual
+from rigcal_lrf2d.residual import errors, measured_at, residual
 from rigcal_lrf2d.scan import Scan
 from rigcal_lrf2d.simulator import MESSAGE_TYPE, encode, observe, sees, simulate
 
@@ -28,6 +28,7 @@ LRF2D = SensorType(
     residual=residual,
     errors=errors,
     unit="m",
+    measured_at=measured_at,
     observe=observe,
     simulate=simulate,
     encode=encode,

@@ -48,6 +48,13 @@ def errors(candidate: Candidate, config: Lrf2dConfig, target: Target, T_s_t: Arr
     return result
 
 
+def measured_at(candidate: Candidate, config: Lrf2dConfig, target: Target, T_s_t: Array) -> Array:
+    """The candidate's returns (N, 3) in the sensor's frame, m."""
+    angles, ranges = _beams(candidate, config)
+    result: Array = directions(angles) * ranges[:, None]
+    return result
+
+
 def _beams(candidate: Candidate, config: Lrf2dConfig) -> tuple[Array, Array]:
     """Angles (N,) rad and ranges (N,) m of a candidate, without the bias of the config."""
     return (

@@ -11,7 +11,7 @@ from rigcal_lrf3d.config import Lrf3dConfig
 from rigcal_lrf3d.detector import detect
 from rigcal_lrf3d.feature import fit, observe
 from rigcal_lrf3d.near import near
-from rigcal_lrf3d.residual import errors, residual
+from rigcal_lrf3d.residual import errors, measured_at, residual
 from rigcal_lrf3d.scans import DepthScan, MultibeamScan, RosetteScan, SpinningScan
 from rigcal_lrf3d.simulator import MESSAGE_TYPE, encode, sees, simulate
 
@@ -37,6 +37,7 @@ LRF3D = SensorType(
     residual=residual,
     errors=errors,
     unit="m",
+    measured_at=measured_at,
     observe=observe,
     simulate=simulate,
     encode=encode,

@@ -61,6 +61,11 @@ def errors(candidate: Candidate, config: Lrf3dConfig, target: Target, T_s_t: Arr
     return result
 
 
+def measured_at(candidate: Candidate, config: Lrf3dConfig, target: Target, T_s_t: Array) -> Array:
+    """The candidate's returns (N, 3) in the sensor's frame, m."""
+    return _points(candidate, config)
+
+
 def _points(candidate: Candidate, config: Lrf3dConfig) -> Array:
     """Returns (N, 3) of a candidate, moved back along their beams by the bias of the config."""
     points = np.asarray(candidate.measurement["points"], dtype=np.float64)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rigcal.diagnosis.verdict import Verdict
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -42,7 +43,8 @@ class SensorResult:
     identity. `covariance` (6, 6) over [rotation rad, translation m], right perturbation, in the
     sensor's frame; None for the root, for a fixed pose, and in truth files. `observations` were
     detected, `inliers` of them used. `noise_scale` is the estimated over the configured noise.
-    `refined` holds what its config asked to refine, by the number's name.
+    `refined` holds what its config asked to refine, by the number's name. `sigmas` are standard
+    deviations (6,) as of the covariance, by the noise as "configured" and as "estimated".
     """
 
     parent: str
@@ -53,6 +55,7 @@ class SensorResult:
     residual: ResidualStatistics | None = None
     noise_scale: float | None = None
     refined: Mapping[str, RefinedNumber] = field(default_factory=dict)
+    sigmas: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,14 @@ class GraphError:
 
 
 @dataclass(frozen=True, eq=False)
+class JointCovariance:
+    """`matrix` (6 S, 6 S) of the poses `T_root_s` of `sensors` together, each as its own is."""
+
+    sensors: tuple[str, ...]
+    matrix: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """A tree of sensors rooted at `root`; `sensors` includes the root."""
 
@@ -95,10 +106,34 @@ class Calibration:
     graph_error: GraphError | None = None
     refined_targets: Mapping[str, Mapping[str, RefinedNumber]] = field(default_factory=dict)
     """What the rig asked to refine of its targets, by target and name: their `scale`."""
+    joint_covariance: JointCovariance | None = None
+    verdict: Verdict | None = None
+    """What the data determine; not part of the file."""
 
     def T(self, a: str, b: str) -> Array:
         """`T_a_b` (4, 4) between any two sensors of the tree; ConfigError for an unknown name."""
         return se3.inverse(self._T_root(a)) @ self._T_root(b)
+
+    def covariance(self, a: str, b: str) -> Array:
+        """(6, 6) of `T(a, b)` over [rotation rad, translation m], right perturbation, in frame b.
+
+        `T_a_b` moves by what b moves, less the adjoint of `T_b_a` times what a moves. ConfigError
+        where only the covariances of single sensors are known.
+        """
+        T_b_a = self.T(b, a)
+        if self.joint_covariance is None:
+            raise ConfigError(
+                "this calibration has no covariance between sensors; make it again with "
+                "`rigcal calibrate`, or hold both sensors against the root"
+            )
+        names, matrix = self.joint_covariance.sensors, self.joint_covariance.matrix
+        rows = np.zeros((6, len(matrix)))
+        for name, part in ((b, np.eye(6)), (a, -se3.adjoint(T_b_a))):
+            if name in names:  # the root and fixed sensors do not move
+                at = 6 * names.index(name)
+                rows[:, at : at + 6] += part
+        result: Array = rows @ matrix @ rows.T
+        return result
 
     def _T_root(self, name: str) -> Array:
         T = np.eye(4)

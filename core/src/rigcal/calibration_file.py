@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rigcal.calibration import (
     Calibration,
     GraphError,
+    JointCovariance,
     RefinedNumber,
     Rejection,
     ResidualStatistics,
@@ -75,6 +76,7 @@ class _Sensor(_Pose):
     residual: _Residual | None = None
     noise_scale: float | None = None
     refined: dict[str, _Refined] = {}
+    sigma: dict[Literal["configured", "estimated"], Annotated[list[float], _SIX]] = {}
 
     def result(self) -> SensorResult:
         return SensorResult(
@@ -86,6 +88,7 @@ class _Sensor(_Pose):
             residual=ResidualStatistics(**dict(self.residual)) if self.residual else None,
             noise_scale=self.noise_scale,
             refined=_refined(self.refined),
+            sigmas={how: np.array(sigma) for how, sigma in self.sigma.items()},
         )
 
 
@@ -115,6 +118,11 @@ class _GraphError(_Model):
     edges: int
 
 
+class _JointCovariance(_Model):
+    sensors: tuple[str, ...]
+    rows: list[list[float]]
+
+
 class _File(_Model):
     format: Literal["rigcal-calibration"]
     version: Literal[1]
@@ -128,6 +136,7 @@ class _File(_Model):
     provenance: dict[str, Any] = {}
     target_poses: dict[str, _Pose] = {}
     holds: dict[str, _Hold] = {}
+    joint_covariance: _JointCovariance | None = None
 
 
 def load_calibration(path: Path | str) -> Calibration:
@@ -153,8 +162,13 @@ def load_calibration(path: Path | str) -> Calibration:
         warnings=file.warnings,
         provenance=file.provenance,
         graph_error=GraphError(**dict(file.graph_error)) if file.graph_error else None,
+        joint_covariance=_joint(file.joint_covariance) if file.joint_covariance else None,
         refined_targets={name: _refined(t.refined) for name, t in file.targets.items()},
     )
+
+
+def _joint(joint: _JointCovariance) -> JointCovariance:
+    return JointCovariance(joint.sensors, np.array(joint.rows).reshape(len(joint.rows), -1))
 
 
 def save_calibration(path: Path | str, calibration: Calibration) -> None:
@@ -164,6 +178,7 @@ def save_calibration(path: Path | str, calibration: Calibration) -> None:
 
 def calibration_text(calibration: Calibration) -> str:
     """The YAML text of a calibration; numbers have the digits to be read back unchanged."""
+    joint = calibration.joint_covariance
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -183,6 +198,8 @@ def calibration_text(calibration: Calibration) -> str:
             name: _Line(start_ns=start, end_ns=end)
             for name, (start, end) in calibration.holds_ns.items()
         },
+        "joint_covariance": joint
+        and {"sensors": list(joint.sensors), "rows": _Lines(joint.matrix.tolist())},
     }
     kept = {key: value for key, value in content.items() if value or key == "sensors"}
     return yaml.dump(
@@ -210,6 +227,19 @@ def _check_tree(problems: Problems, file: _File) -> None:
             problems.add((*path, "parent"), f"its parents do not lead to the root '{file.root}'")
         if sensor.covariance is not None:
             _check_covariance(problems, (*path, "covariance"), np.array(sensor.covariance))
+    if file.joint_covariance is not None:
+        _check_joint(problems, known, file.joint_covariance)
+
+
+def _check_joint(problems: Problems, known: list[str], joint: _JointCovariance) -> None:
+    path, size = ("joint_covariance", "rows"), 6 * len(joint.sensors)
+    unknown = [name for name in joint.sensors if name not in known]
+    if unknown:
+        problems.add(("joint_covariance", "sensors"), f"no sensor '{unknown[0]}'")
+    if len(joint.rows) != size or any(len(row) != size for row in joint.rows):
+        problems.add(path, f"expected {size} rows of {size} numbers, six for each sensor")
+    elif size:
+        _check_covariance(problems, path, np.array(joint.rows))
 
 
 def _check_covariance(problems: Problems, path: tuple[str, ...], covariance: Array) -> None:
@@ -280,6 +310,7 @@ def _sensor(result: SensorResult) -> dict[str, Any]:
     if result.residual is not None:
         entry["residual"] = _Line(vars(result.residual))
     entry["noise_scale"] = result.noise_scale
+    entry["sigma"] = {how: sigma.tolist() for how, sigma in result.sigmas.items()} or None
     entry["refined"] = _numbers(result.refined) or None
     return {key: value for key, value in entry.items() if value is not None}
 

@@ -18,6 +18,9 @@ A message says where, what was found, what was expected, and what to do.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 
 class RigcalError(Exception):
     """Base class; `exit_code` is what the command line returns."""
@@ -60,11 +63,30 @@ class CalibrationError(RigcalError):
 
 
 class NotConnectedError(CalibrationError):
-    """Some sensors share no usable exposures with the others."""
+    """Some sensors share no usable exposures with the others.
+
+    `groups` of sensors that hang together, and pairs that would join them (`joins`).
+    """
+
+    def __init__(
+        self,
+        message: str,
+        groups: Sequence[Sequence[str]] = (),
+        joins: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        super().__init__(message)
+        self.groups, self.joins = groups, joins
 
 
 class NotDeterminedError(CalibrationError):
-    """The data leave some direction of a sensor's pose open."""
+    """The data leave some direction of a sensor's pose, or a number to refine, open.
+
+    `verdict` tells per axis (`rigcal.diagnosis.verdict.Verdict`); None where it is not of poses.
+    """
+
+    def __init__(self, message: str, verdict: Any = None) -> None:
+        super().__init__(message)
+        self.verdict = verdict
 
 
 class NotConvergedError(CalibrationError):

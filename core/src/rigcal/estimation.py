@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from rigcal.calibration import Calibration, SensorResult
+from rigcal.diagnosis.observability import judge
+from rigcal.diagnosis.verdict import Verdict
 from rigcal.errors import NotDeterminedError, ObservationError
 from rigcal.exposures import by_exposure
-from rigcal.graph.global_estimate import solve
+from rigcal.geometry.se3 import Array
+from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.global_estimate import solve, start
 from rigcal.graph.method import Method
+from rigcal.graph.numbers import NO_NUMBERS, Numbers
 from rigcal.graph.result import make_result
 from rigcal.graph.solve import Solution
 from rigcal.graph.stages import Stages, first_stages
@@ -20,10 +23,6 @@ from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
 from rigcal.rig import Rig, build_targets
-
-# A pose with larger standard deviations is not determined (rad, m).
-_OPEN = np.array([np.radians(3.0)] * 3 + [0.15] * 3)
-_AXES = (*(f"rotation about {a}" for a in "xyz"), *(f"translation along {a}" for a in "xyz"))
 
 
 def calibrate(
@@ -57,12 +56,18 @@ def prepare(
 
 def finish(stages: Stages, method: Method, progress: Progress | None = None) -> Calibration:
     """The calibration by one method. Errors as of `calibrate`."""
+    if stages.is_loose:
+        first = start(stages)
+        _withhold(_judge(stages, first.edges, first.sensors, first.targets), method)
     result = solve(stages, method, progress)
-    _check_used(stages.task, result.solution, stages.fixed)
+    found = result.solution
+    _check_used(stages.task, found, stages.fixed)
+    verdict = None
     if method.filtered:
         # Outliers blow up the covariance: without the filter it does not tell what the data fix.
-        _check_determined(stages.task.rig, result.solution)
-    return make_result(stages, result, method)
+        verdict = _judge(stages, found.edges, found.sensors, found.targets, found.numbers)
+        _withhold(verdict, method)
+    return make_result(stages, result, method, verdict)
 
 
 def pairwise_calibration(stages: Stages) -> Calibration:
@@ -116,17 +121,19 @@ def _check_used(task: Task, solution: Solution, fixed: frozenset[str]) -> None:
         )
 
 
-def _check_determined(rig: Rig, solution: Solution) -> None:
-    """Withholds a result in which a sensor's pose is open in some direction."""
-    problems = []
-    for sensor in solution.information.sensors:
-        sigma = np.sqrt(np.diagonal(solution.information.covariance_of(sensor)))
-        for i in np.flatnonzero(sigma > _OPEN):
-            size = f"{np.degrees(sigma[i]):.3g} deg" if i < 3 else f"{sigma[i]:.3g} m"
-            problems.append(f"  {sensor}: {_AXES[i]} of its own frame (standard deviation {size})")
-    if problems:
-        raise NotDeterminedError(
-            "the data leave poses open:\n" + "\n".join(problems) + "\n"
-            "record boards with more different tilts and places in view of these sensors together "
-            "with a camera or a 3D laser; parallel boards fix only part of a pose"
-        )
+def _judge(
+    stages: Stages,
+    edges: Sequence[SensorTargetEdge],
+    sensors: Mapping[str, Array],
+    targets: Mapping[str, Array],
+    numbers: Numbers = NO_NUMBERS,
+) -> Verdict:
+    task = stages.task
+    flat = frozenset(name for name, kind in task.kinds.items() if kind.flat)
+    return judge(edges, sensors, targets, stages.fixed, task.rig.root, flat, numbers)
+
+
+def _withhold(verdict: Verdict, method: Method) -> None:
+    """NotDeterminedError for a pose that is open, unless the method accepts it."""
+    if verdict.withheld and not method.accept_weak:
+        raise NotDeterminedError("\n".join(verdict.lines()), verdict)

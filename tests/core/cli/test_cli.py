@@ -186,7 +186,8 @@ def test_data_without_an_answer_exit_1_and_keep_the_observations(
     monkeypatch.setattr(CALIBRATE, "calibrate", refuse)
     assert _run("calibrate", "rig.yaml", "recording", "--out", "r") == 1
     assert capsys.readouterr().err == "rigcal: stern shares no exposure with bow\n"
-    assert [p.name for p in (place / "r").iterdir()] == ["observations.npz"]
+    kept = sorted(p.name for p in (place / "r").iterdir())
+    assert kept == ["observations.npz", "verdict.yaml"]
 
 
 def test_unusable_out_is_told_before_any_work(

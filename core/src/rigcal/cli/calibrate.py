@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -52,6 +53,10 @@ def calibrate(
             "default: if it is continuous.",
         ),
     ] = None,
+    accept_weak: Annotated[
+        bool,
+        typer.Option("--accept-weak", help="Give a result although the data leave it open."),
+    ] = False,
     report: Annotated[bool, typer.Option(help="Write report.html.")] = True,
     jobs: Jobs = None,
     quiet: Quiet = False,
@@ -67,9 +72,9 @@ def calibrate(
 
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)
-    method = Method(formulation, not no_filter, initial)
+    method = Method(formulation, not no_filter, initial, accept_weak)
     make_folder(out)
-    with progress_bar(quiet or json) as progress:
+    with progress_bar(quiet or json) as progress, _verdict_of_failure(out):
         observations, about = _observations(rig, registry, rig_file, data, out, progress, jobs)
         calibration = estimate(rig, registry, observations, seed, progress, method)
         if second_look is None:
@@ -88,13 +93,29 @@ def calibrate(
             out, calibration, observations, rig, registry, report, recording, progress
         )
     if json:
-        print_json({"files": files, **_as_mapping(calibration)})
+        verdict = calibration.verdict and calibration.verdict.as_mapping()
+        print_json({"files": files, "verdict": verdict, **_as_mapping(calibration)})
     elif not quiet:
         from rigcal.cli.result_tables import print_calibration
 
         print_calibration(calibration)
         for name, path in files.items():
             print_line(f"{name:13} {path}")
+
+
+@contextmanager
+def _verdict_of_failure(out: Path) -> Iterator[None]:
+    """Write why there is no result, if so; one of an earlier run would tell of other data."""
+    from rigcal.diagnosis.verdict_file import save_verdict, verdict_of_error
+    from rigcal.errors import CalibrationError
+
+    try:
+        yield
+    except CalibrationError as error:
+        for name in ("calibration.yaml", "report.html"):
+            (out / name).unlink(missing_ok=True)
+        save_verdict(out / "verdict.yaml", verdict_of_error(error))
+        raise
 
 
 def write_results(
@@ -109,9 +130,15 @@ def write_results(
 ) -> dict[str, str]:
     """Write the files of a calibration into a folder; returns their paths by what they hold."""
     from rigcal.calibration_file import save_calibration
+    from rigcal.diagnosis.verdict_file import save_verdict
 
     files = {"calibration": out / "calibration.yaml", "observations": out / "observations.npz"}
     save_calibration(files["calibration"], calibration)
+    if calibration.verdict is not None:
+        files["verdict"] = out / "verdict.yaml"
+        save_verdict(files["verdict"], {"result": "given", **calibration.verdict.as_mapping()})
+    else:
+        (out / "verdict.yaml").unlink(missing_ok=True)
     if report:
         from rigcal.report import write_report
 

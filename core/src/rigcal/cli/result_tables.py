@@ -18,22 +18,26 @@ def print_calibration(calibration: Calibration) -> None:
     for seen in tables.residual_rows(calibration):
         pose = transforms.get(seen.sensor)
         where = (
-            ("root", "", "", "", "")
+            ("root", "", "")
             if pose is None
             else (
                 pose.parent,
                 "  ".join(pose.translation_mm),
                 "  ".join(pose.rpy_deg),
-                " ".join(pose.sigma_mm),
-                " ".join(pose.sigma_deg),
             )
         )
         rows.append((seen.sensor, *where, f"{seen.used}/{seen.seen}", seen.rms))
     columns = (
-        "<sensor", "<in", "x y z mm", "roll pitch yaw deg", "sigma mm", "sigma deg",
-        "used/found", "residual rms",
+        "<sensor", "<in", "x y z mm", "roll pitch yaw deg", "used/found", "residual rms",
     )  # fmt: skip
     print_table("", columns, rows)
+    uncertain = tables.uncertainty_rows(calibration)
+    if uncertain:
+        columns = ("<sensor", "sigma mm", "as configured", "sigma deg", "as configured", "<verdict")
+        print_table("", columns, [row.cells for row in uncertain])
+    if calibration.verdict is not None:
+        for line in calibration.verdict.lines():
+            print_line(line)
     refined = tables.refined_rows(calibration)
     if refined:
         print_table("", ("<of", "<refined", "value", "sigma", "started at"), refined)

@@ -10,7 +10,7 @@ from rigcal.graph.refinement import Fit
 from rigcal.graph.relation import Index, OnPlanes, OnPoints
 
 # Beyond these a pair leaves its transform open (standard deviations, rad and m).
-_OPEN = np.array([np.radians(5.0)] * 3 + [0.25] * 3)
+OPEN = np.array([np.radians(5.0)] * 3 + [0.25] * 3)
 _AXES = ("rotation about x", "rotation about y", "rotation about z", "x", "y", "z")
 # Information counts as far as it exceeds so many times what the noise feigns.
 _NOISE_FACTOR = 4.0
@@ -25,7 +25,7 @@ def open_direction(c: Correspondences, fit: Fit) -> str:
     boards differ: parallel boards with noisy tilts feign a pose that the data do not hold.
     """
     # In units of what counts as open, so that rotation and translation compare.
-    known = (fit.information - _NOISE_FACTOR * fit.from_noise) * np.outer(_OPEN, _OPEN)
+    known = (fit.information - _NOISE_FACTOR * fit.from_noise) * np.outer(OPEN, OPEN)
     values, vectors = np.linalg.eigh(known)
     if values[0] >= 1.0:
         return ""

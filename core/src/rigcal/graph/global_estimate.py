@@ -36,6 +36,22 @@ class Estimate:
     refused: Mapping[str, str]
 
 
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the joint estimate starts: its edges, and first poses of the sensors and the boards."""
+
+    edges: tuple[SensorTargetEdge, ...]
+    sensors: Mapping[str, Array]
+    targets: Mapping[str, Array]
+
+
+def start(stages: Stages) -> Start:
+    """The start from the spanning tree, on what the sensors agree on there."""
+    selections, _ = _select(stages, filtered=True)
+    boards = {k: s.T_root_t for k, s in selections.items()}
+    return Start(tuple(_edges(stages.task, selections)), stages.T_root, boards)
+
+
 def solve(stages: Stages, method: Method, progress: Progress | None = None) -> Estimate:
     """The global estimate by a method.
 
@@ -66,7 +82,7 @@ def _solve_joint(stages: Stages, method: Method, progress: Progress | None) -> E
         _edges(task, selections), stages.T_root,
         {k: s.T_root_t for k, s in selections.items()}, stages.fixed, progress,
         estimate_noise=task.rig.noise == "estimated", reject=method.filtered,
-        numbers=numbers_of(task),
+        anchored=method.accept_weak, numbers=numbers_of(task),
     )  # fmt: skip
     return Estimate(solution, selections, refused)
 

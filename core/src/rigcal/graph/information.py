@@ -82,9 +82,9 @@ def information(
     free = tuple(s for s in sensors if s not in fixed)
     number = {s: i for i, s in enumerate(free)}
     column = np.array([number.get(e.sensor, -1) for e in every], dtype=np.int64)
-    ends = _Ends(column, stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
+    ends = Ends(column, stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
     rests = np.arange(len(every)) < len(edges)
-    matrix, gain, inverse_tt = _eliminate(
+    matrix, gain, inverse_tt = eliminate(
         blocks.H * rests[:, None, None], ends, len(free), len(targets), numbers
     )
     covariance, root = _inverse(matrix)
@@ -97,7 +97,7 @@ def information(
 
 
 @dataclass(frozen=True, eq=False)
-class _Ends:
+class Ends:
     """How `T_s_t` of E edges moves: by the target's perturbation as it is, by the sensor's by -A.
 
     column (E,) numbers the free sensors, -1 for a fixed one; A (E, 6, 6) is the adjoint of T_t_s.
@@ -108,8 +108,8 @@ class _Ends:
     A: Array
 
 
-def _eliminate(
-    H: Array, ends: _Ends, sensors: int, targets: int, numbers: Numbers
+def eliminate(
+    H: Array, ends: Ends, sensors: int, targets: int, numbers: Numbers
 ) -> tuple[Array, Array, Array]:
     """Information of sensors and numbers (6 S + Q, 6 S + Q) without the targets.
 
@@ -139,7 +139,7 @@ def _eliminate(
     return matrix, gain, np.asarray(np.linalg.inv(H_tt), dtype=np.float64)
 
 
-def _predicted(ends: _Ends, gain: Array, inverse_tt: Array, root: Array, numbers: int) -> Array:
+def _predicted(ends: Ends, gain: Array, inverse_tt: Array, root: Array, numbers: int) -> Array:
     """(E, 6 + Q, 6 + Q) covariances of `T_s_t` and the numbers, by that of sensors and numbers.
 
     That covariance is `root root^T`. The dependence of `T_s_t` through the target and the direct

@@ -30,6 +30,8 @@ _LEAST_DAMPING, _FREE_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 # A step that promises less than this share of the cost is the last. The robust stage is a start
 # only. A step that promises little and does not keep it is rounding, or a Jacobian that is.
 _TOLERANCE, _ROBUST_TOLERANCE, _ROUNDING = 1e-11, 1e-4, 1e-8
+# How tightly an anchor holds (rad, m): far looser than data, tight enough for what they leave open.
+_ANCHOR = 1 / np.array([0.05, 0.05, 0.05, 0.15, 0.15, 0.15]) ** 2
 _FAR_M = 1e4
 
 
@@ -47,14 +49,16 @@ def solve(
     targets: Mapping[str, Array],
     fixed: frozenset[str],
     numbers: Numbers = NO_NUMBERS,
+    anchor: Mapping[str, Array] | None = None,
 ) -> Found:
     """Sensor poses `T_root_s` and target poses `T_root_t` that minimise the sum of squares.
 
     `sensors` and `targets` hold first poses (4, 4); those named in `fixed` (the root among them)
-    stay as they are. `numbers` are estimated with them, from their values on. NotConvergedError if
-    the minimum was not reached; PluginError if a residual breaks its contract.
+    stay as they are. `numbers` are estimated with them, from their values on. An `anchor` holds
+    sensors near its poses in directions that the data leave open. NotConvergedError if the minimum
+    was not reached; PluginError if a residual breaks its contract.
     """
-    found, problem = _minimise(edges, sensors, targets, fixed, numbers, np.inf, _TOLERANCE)
+    found, problem = _minimise(edges, sensors, targets, fixed, numbers, anchor, np.inf, _TOLERANCE)
     if problem:
         raise NotConvergedError(
             f"the global estimate did not converge: {problem}. Check the sensors' intrinsics and "
@@ -69,13 +73,14 @@ def solve_robust(
     targets: Mapping[str, Array],
     fixed: frozenset[str],
     numbers: Numbers = NO_NUMBERS,
+    anchor: Mapping[str, Array] | None = None,
 ) -> Found:
     """The same with Huber's loss on each block, by iteratively reweighted least squares.
 
     (P. J. Huber, Robust Statistics, 1981, ch. 7.) It serves as a start that outliers have not
     dragged away, so it stops early.
     """
-    return _minimise(edges, sensors, targets, fixed, numbers, HUBER_K, _ROBUST_TOLERANCE)[0]
+    return _minimise(edges, sensors, targets, fixed, numbers, anchor, HUBER_K, _ROBUST_TOLERANCE)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +93,7 @@ class _State:
     T_s_t: Array
     blocks: Blocks
     chi2: float
+    off_anchor: Array
 
 
 def _minimise(
@@ -96,22 +102,30 @@ def _minimise(
     targets: Mapping[str, Array],
     fixed: frozenset[str],
     numbers: Numbers,
+    anchor: Mapping[str, Array] | None,
     huber_k: float,
     tolerance: float,
 ) -> tuple[Found, str]:
     """The best poses and numbers, and why they are not the minimum; empty if they are."""
     stack = EdgeStack(edges, list(sensors), list(targets), numbers)
     free = np.array([s not in fixed for s in sensors], dtype=bool)
-    system = LinearSystem(stack.sensor, stack.exposure, free, len(targets), numbers)
-    state = _state(stack, poses_of(sensors), poses_of(targets), numbers, huber_k)
+    held = np.zeros(6) if anchor is None else _ANCHOR
+    system = LinearSystem(stack.sensor, stack.exposure, free, len(targets), numbers, held)
+    at = poses_of({s: (anchor or sensors)[s] for s in sensors})
+
+    def state_at(T_root_s: Array, T_root_t: Array, numbers: Numbers) -> _State:
+        off = se3.log(se3.inverse(at) @ T_root_s) * np.sqrt(held)
+        return _state(stack, T_root_s, T_root_t, numbers, huber_k, off)
+
+    state = state_at(poses_of(sensors), poses_of(targets), numbers)
     stack.check(state.T_s_t, numbers)
     damping, problem = _LEAST_DAMPING, "its steps do not end"
     for _ in range(_MOST_ITERATIONS):
         step_s, step_t, step_n, promised = system.solve(
-            state.blocks, state.T_s_t, state.numbers, damping
+            state.blocks, state.T_s_t, state.numbers, state.off_anchor, damping
         )
         T_root_s, T_root_t = state.T_root_s @ se3.exp(step_s), state.T_root_t @ se3.exp(step_t)
-        trial = _state(stack, T_root_s, T_root_t, state.numbers.stepped(step_n), huber_k)
+        trial = state_at(T_root_s, T_root_t, state.numbers.stepped(step_n))
         share = promised / (1 + state.chi2)
         is_last = share <= (tolerance if trial.chi2 <= state.chi2 else _ROUNDING)
         if trial.chi2 < state.chi2 and _is_near(trial):
@@ -132,12 +146,19 @@ def _minimise(
 
 
 def _state(
-    stack: EdgeStack, T_root_s: Array, T_root_t: Array, numbers: Numbers, huber_k: float
+    stack: EdgeStack,
+    T_root_s: Array,
+    T_root_t: Array,
+    numbers: Numbers,
+    huber_k: float,
+    off_anchor: Array,
 ) -> _State:
+    """`off_anchor` (S, 6): how far the sensors are from their anchors, in standard deviations."""
     T_s_t = stack.relative(T_root_s, T_root_t)
     blocks = stack.blocks(T_s_t, huber_k, numbers)
-    known = float(numbers.known @ numbers.off_start**2)
-    return _State(T_root_s, T_root_t, numbers, T_s_t, blocks, float(blocks.chi2.sum()) + known)
+    chi2 = float(blocks.chi2.sum())
+    chi2 += float(numbers.known @ numbers.off_start**2) + float(np.sum(off_anchor**2))
+    return _State(T_root_s, T_root_t, numbers, T_s_t, blocks, chi2, off_anchor)
 
 
 def _is_near(state: _State) -> bool:

@@ -23,7 +23,8 @@ class LinearSystem:
     """Edges between sensors, of which some are `free` (S,), and `exposures` targets.
 
     `sensor` and `exposure` (E,) number the ends of every edge. What is estimated beside the poses
-    is one variable, of all `numbers`.
+    is one variable, of all `numbers`. `held` (6,) is information by which every sensor is tied to
+    an anchor.
     """
 
     def __init__(
@@ -33,6 +34,7 @@ class LinearSystem:
         free: NDArray[np.bool_],
         exposures: int,
         numbers: Numbers,
+        held: Array,
     ) -> None:
         import gtsam
 
@@ -42,7 +44,7 @@ class LinearSystem:
         self._keys_s = [gtsam.symbol("s", i) for i in range(len(free))]
         self._keys_t = [gtsam.symbol("t", i) for i in range(exposures)]
         self._key_n = gtsam.symbol("n", 0)
-        self._known = numbers.known
+        self._known, self._held = numbers.known, held
         # Targets first: each touches few sensors, which leaves a dense system of the sensors alone.
         self._ordering = gtsam.Ordering()
         for key in [*self._keys_t, *(self._keys_s[i] for i in self._movable)]:
@@ -51,13 +53,14 @@ class LinearSystem:
             self._ordering.push_back(self._key_n)
 
     def solve(
-        self, blocks: Blocks, T_s_t: Array, numbers: Numbers, damping: float
+        self, blocks: Blocks, T_s_t: Array, numbers: Numbers, off_anchor: Array, damping: float
     ) -> tuple[Array, Array, Array, float]:
         """Steps of sensors (S, 6), targets (K, 6) and numbers (Q,); the fall of chi2 they promise.
 
         Right perturbations, and numbers in units. `T_s_t` moves by the target's perturbation as it
         is, and by the sensor's through the adjoint: `exp(-xi) T_s_t = T_s_t exp(-adjoint(T_t_s)
-        xi)`. `damping` times its diagonal is added to the information.
+        xi)`. `off_anchor` (S, 6) is how far the sensors are from their anchors, in standard
+        deviations. `damping` times its diagonal is added to the information.
         """
         A = se3.adjoint(se3.inverse(T_s_t))
         H, g = blocks.H[:, :6, :6], blocks.g[:, :6]
@@ -70,7 +73,8 @@ class LinearSystem:
         own = np.diagonal(blocks.H[:, 6:, 6:], axis1=1, axis2=2).sum(axis=0)
         more_n = damping * own + _OPEN_NUMBER
         graph = self._graph(H_ss, H_sy, g_s, blocks)
-        self._hold(graph, more_s, more_t, more_n, self._known * numbers.off_start)
+        pull_s, pull_n = np.sqrt(self._held) * off_anchor, self._known * numbers.off_start
+        self._hold(graph, more_s, pull_s, more_t, more_n, pull_n)
         # Sequential, not multifrontal: half the time here, and one thread gives the same bytes.
         solution = graph.eliminateSequential(self._ordering).optimize()
         step_s, step_t = np.zeros((len(self._keys_s), 6)), np.zeros((len(self._keys_t), 6))
@@ -81,7 +85,7 @@ class LinearSystem:
         step_n = np.asarray(solution.at(self._key_n)) if len(g_n) else np.zeros(0)
         descent = -np.sum(g_s * step_s[self._sensor]) - np.sum(g * step_t[self._exposure])
         promised = descent + np.sum(more_s * step_s**2) + np.sum(more_t * step_t**2)
-        promised += more_n @ step_n**2 - g_n @ step_n
+        promised += more_n @ step_n**2 - g_n @ step_n - np.sum(pull_s * step_s)
         return step_s, step_t, step_n, float(promised)
 
     def _more(self, H: Array, ends: Index, count: int, damping: float) -> Array:
@@ -109,11 +113,20 @@ class LinearSystem:
             graph.push_back(factor(*ends, *parts, 0.0))
         return graph
 
-    def _hold(self, graph: Any, more_s: Array, more_t: Array, more_n: Array, pull_n: Array) -> None:
-        """One factor per variable with what is added, and with what is known of the numbers."""
+    def _hold(
+        self,
+        graph: Any,
+        more_s: Array,
+        pull_s: Array,
+        more_t: Array,
+        more_n: Array,
+        pull_n: Array,
+    ) -> None:
+        """One factor per variable: what is added, anchors, and what is known of the numbers."""
         factor, zero = self._gtsam.HessianFactor, np.zeros(6)
         for i in self._movable:
-            graph.push_back(factor(self._keys_s[i], np.diag(more_s[i]), zero, 0.0))
+            H = np.diag(more_s[i] + self._held)
+            graph.push_back(factor(self._keys_s[i], H, -pull_s[i], 0.0))
         for key, more in zip(self._keys_t, more_t, strict=True):
             graph.push_back(factor(key, np.diag(more), zero, 0.0))
         if len(more_n):

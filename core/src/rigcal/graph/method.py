@@ -20,11 +20,13 @@ class Method:
     filtered     whether outliers are left out. If not, the best-ranked candidate of every
                  observation is used
     initial      start of the sensors: the spanning tree of the pairs, or all of them at the root
+    accept_weak  whether a result is given in which the data leave an axis of a sensor open
     """
 
     formulation: Formulation = "joint"
     filtered: bool = True
     initial: Initial = "tree"
+    accept_weak: bool = False
 
     def __post_init__(self) -> None:
         for name, words in (("formulation", Formulation), ("initial", Initial)):

@@ -35,6 +35,10 @@ class PairResult:
     explain; the covariance holds both. `tests_size`: whether the pair holds the target's dimensions
     in the rig file against measured ranges; `target_scale`: the factor on them with which the pair
     would agree, if there is one and it does not agree otherwise.
+
+    `is_loose`: `T_a_b` is only one of many that explain the exposures (`reason` says why).
+    `fit_if_open` is one that the exposures agree on but leave open, by which the pair failed.
+    `can_join`: whether what the two sensors see of a board could determine a transform at all.
     """
 
     a: str
@@ -48,6 +52,9 @@ class PairResult:
     reason: str = ""
     tests_size: bool = False
     target_scale: float | None = None
+    is_loose: bool = False
+    fit_if_open: Fit | None = None
+    can_join: bool = True
 
 
 def calibrate_pair(
@@ -81,7 +88,10 @@ def calibrate_pair(
         doubt = _disagreement(c, more, rng, replace(result, reason=reason))
         if doubt.target_scale is not None:
             return doubt
-    if reason := open_direction(c, fit) or _chance(pairs, target, c, fit):
+    if reason := open_direction(c, fit):
+        reason = f"{count} exposures agree, but {reason}"
+        return replace(result, reason=reason, fit_if_open=fit)
+    if reason := _chance(pairs, target, c, fit):
         return replace(result, reason=f"{count} exposures agree, but {reason}")
     distances = c.relation.distances(fit.T_a_b[None])[0, fit.keep]
     return replace(

@@ -35,20 +35,20 @@ class Fit:
     from_noise: Array
 
 
-def refine(c: Correspondences, T: Array, model_error_m: float) -> Fit:
+def refine(c: Correspondences, T: Array, model_error_m: float, damping: Array | None = None) -> Fit:
     """Gauss-Newton on the inliers, in rounds until they stay the same.
 
     Every row is weighted by the covariance that both sensors' noise gives it at T (errors in
     variables, to first order) and by a model error, a random effect with a variance of its own for
     shifts and for tilts. While inliers are sought, it is estimated robustly (median of chi-square);
     at the end by moments (R. C. Paule, J. Mandel, "Consensus values and weighting factors", 1982),
-    where a chi-square test finds any.
+    where a chi-square test finds any. `damping` (6,) is information that shortens steps.
     """
     model_error = np.full(len(c.relation.components), model_error_m)
     keep = inliers(c, T, model_error)
     for _ in range(_MOST_ROUNDS):
         for _ in range(_STEPS):
-            T = _step(c, T, keep, model_error)
+            T = step(c, T, keep, model_error, damping)
         model_error = _model_error(c, T, keep)
         before, keep = keep, inliers(c, T, model_error)
         if np.array_equal(before, keep):
@@ -56,7 +56,7 @@ def refine(c: Correspondences, T: Array, model_error_m: float) -> Fit:
     for _ in range(2):
         for _ in range(_STEPS):
             model_error = _model_error(c, T, keep, final=True)
-            T = _step(c, T, keep, model_error)
+            T = step(c, T, keep, model_error, damping)
         keep = inliers(c, T, model_error)
     _, J, C = c.relation.residuals(T, keep)
     W = np.asarray(np.linalg.inv(C + np.diag(model_error**2)), dtype=np.float64)
@@ -83,12 +83,17 @@ def _solved(A: Array, b: Array) -> Array:
     return np.asarray(np.linalg.solve(A, b[..., None])[..., 0], dtype=np.float64)
 
 
-def _step(c: Correspondences, T: Array, keep: Index, model_error: Array) -> Array:
+def step(
+    c: Correspondences, T: Array, keep: Index, model_error: Array, damping: Array | None = None
+) -> Array:
+    """`T_a_b` after a step of Gauss-Newton; in directions without information it stays."""
     r, J, C = c.relation.residuals(T, keep)
     L = np.asarray(np.linalg.cholesky(C + np.diag(model_error**2)), dtype=np.float64)
     rows = np.linalg.solve(L, np.concatenate([J, r[..., None]], axis=-1)).reshape(-1, 7)
-    step = np.asarray(np.linalg.lstsq(rows[:, :6], rows[:, 6], rcond=1e-12)[0], dtype=np.float64)
-    return T @ se3.exp(-step)
+    if damping is not None:
+        rows = np.vstack([rows, np.diag(np.append(np.sqrt(damping), 0.0))[:6]])
+    xi = np.asarray(np.linalg.lstsq(rows[:, :6], rows[:, 6], rcond=1e-12)[0], dtype=np.float64)
+    return T @ se3.exp(-xi)
 
 
 def _model_error(c: Correspondences, T: Array, keep: Index, *, final: bool = False) -> Array:

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rigcal.calibration import (
     Calibration,
     GraphError,
+    JointCovariance,
     RefinedNumber,
     Rejection,
     ResidualStatistics,
     SensorResult,
 )
+from rigcal.diagnosis.verdict import Verdict
 from rigcal.exposures import association_of
 from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.global_estimate import Estimate
+from rigcal.graph.information import information
 from rigcal.graph.method import Method
 from rigcal.graph.msgcal import graph_error_m2
 from rigcal.graph.pairwise import PairResult
@@ -31,10 +36,13 @@ from rigcal.observation import Observation
 _SUSPICIOUS_SCALE = 5.0
 
 
-def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibration:
+def make_result(
+    stages: Stages, estimate: Estimate, method: Method, verdict: Verdict | None
+) -> Calibration:
     """The calibration of all sensors; every observation that is no inlier is in `rejected`."""
     task, solution, selections = stages.task, estimate.solution, estimate.selections
     refined = _refined(solution)
+    sigmas = _sigmas(stages, solution)
     sensors = {}
     for name in task.rig.sensors:
         own = [e for e in solution.edges if e.sensor == name]
@@ -49,6 +57,7 @@ def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibrati
             _statistics(task, solution, name, own, selections),
             solution.scales.get(name),
             refined["sensors"].get(name, {}),
+            {} if name in stages.fixed else {how: sigma[name] for how, sigma in sigmas.items()},
         )
     rejected = tuple(
         Rejection(name, exposure, o.origin, reason)
@@ -65,7 +74,26 @@ def make_result(stages: Stages, estimate: Estimate, method: Method) -> Calibrati
         {"seed": stages.seed, **vars(method), "association": _association(task)},
         graph_error=_graph_error(stages, solution, method),
         refined_targets=refined["targets"],
+        joint_covariance=_joint_covariance(solution),
+        verdict=verdict,
     )
+
+
+def _joint_covariance(solution: Solution) -> JointCovariance:
+    names, all_of_them = solution.information.sensors, solution.information.covariance
+    return JointCovariance(names, all_of_them[: 6 * len(names), : 6 * len(names)])
+
+
+def _sigmas(stages: Stages, solution: Solution) -> dict[str, dict[str, Array]]:
+    """Standard deviations (6,) per sensor, by the noise as configured and as estimated."""
+    result = {}
+    for how, scales in (("configured", {}), ("estimated", solution.scales)):
+        edges = [replace(e, scale=scales.get(e.sensor, 1.0)) for e in solution.edges]
+        info = information(
+            edges, solution.sensors, solution.targets, stages.fixed, numbers=solution.numbers
+        )
+        result[how] = {s: np.sqrt(np.diagonal(info.covariance_of(s))) for s in info.sensors}
+    return result
 
 
 def _refined(solution: Solution) -> dict[str, dict[str, dict[str, RefinedNumber]]]:

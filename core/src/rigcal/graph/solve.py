@@ -53,6 +53,7 @@ def estimate(
     *,
     estimate_noise: bool = True,
     reject: bool = True,
+    anchored: bool = False,
     numbers: Numbers = NO_NUMBERS,
 ) -> Solution:
     """Maximum likelihood on the inliers.
@@ -61,6 +62,7 @@ def estimate(
     chi-square test of every edge and block, a solution on what remains, until that stays the same.
     With `estimate_noise` false the configured noise weighs the edges, and the estimated one is
     only reported. Without `reject` no edge is tested, masked or weighed down for being far off.
+    With `anchored`, sensors stay near their first poses in directions that are open.
     `numbers` are held in a first robust solution and free from then on.
     NotConvergedError if a solution is not reached; NotDeterminedError if the data leave numbers
     open.
@@ -68,12 +70,13 @@ def estimate(
     tell = progress or (lambda *_: None)
     tell("global estimate", 0, _MOST_ROUNDS + 1)
     first = joint.solve_robust if reject else joint.solve
-    poses, boards, _ = first(edges, sensors, targets, fixed)
+    anchor = sensors if anchored else None
+    poses, boards, _ = first(edges, sensors, targets, fixed, anchor=anchor)
     if len(numbers):
         # What is wide open, at the configured noise, would lead the solution astray.
         info = information(edges, poses, boards, fixed, numbers=numbers)
         check_determined(numbers, info.covariance_of_numbers, _WIDE_OPEN)
-        poses, boards, numbers = first(edges, poses, boards, fixed, numbers)
+        poses, boards, numbers = first(edges, poses, boards, fixed, numbers, anchor)
     info = information(edges, poses, boards, fixed, numbers=numbers)
     alive, dropped, scales = list(edges), dict[tuple[str, str], str](), _scales(info.fits, {})
     for round_ in range(_MOST_ROUNDS):
@@ -90,7 +93,7 @@ def estimate(
         used = {e.exposure for e in alive}
         boards = {k: T for k, T in boards.items() if k in used}
         edges = [e for e in edges if e.exposure in used]
-        poses, boards, numbers = joint.solve(alive, poses, boards, fixed, numbers)
+        poses, boards, numbers = joint.solve(alive, poses, boards, fixed, numbers, anchor)
         info = information(alive, poses, boards, fixed, numbers=numbers)
         scales = _scales(info.fits, scales)
         settled = not estimate_noise or all(

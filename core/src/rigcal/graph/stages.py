@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from rigcal.errors import ConfigError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.choice import best_ranked, inliers_of_pairs, msgcal_graph
 from rigcal.graph.loops import check_loops
+from rigcal.graph.loose import loosely
 from rigcal.graph.method import Method
 from rigcal.graph.msgcal import MsgcalGraph
 from rigcal.graph.pairwise import PairResult, calibrate_pair
 from rigcal.graph.relate import pairing_of
 from rigcal.graph.task import Task
-from rigcal.graph.tree import spanning_tree
+from rigcal.graph.tree import components, spanning_tree
 from rigcal.observation import Observation
 from rigcal.plugin.contract import PoseConfig
 from rigcal.progress import Progress
@@ -30,7 +31,8 @@ class Stages:
     """The pairs of a task, and the poses `T_root_s` that their spanning tree gives the sensors.
 
     `fixed` names the sensors that keep their poses, the root among them; `given` holds poses that
-    the rig prescribes. `warnings` tells of pairs that contradict each other.
+    the rig prescribes. Loose pairs are among `pairs` where the others do not join all sensors.
+    `warnings` tells of pairs that contradict each other.
     """
 
     task: Task
@@ -40,6 +42,11 @@ class Stages:
     fixed: frozenset[str]
     seed: int
     warnings: tuple[str, ...] = ()
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether the tree hangs together only by pairs whose exposures leave them open."""
+        return any(pair.is_loose for pair in self.pairs)
 
     def graph(self, *, filtered: bool = True) -> MsgcalGraph:
         """The graph of MSG-Cal over the pairs' inliers, or over all data."""
@@ -60,6 +67,9 @@ def first_stages(task: Task, seed: int, progress: Progress | None = None) -> Sta
     """
     pairs, warnings = check_loops(pairwise(task, seed, progress or (lambda *_: None)))
     given, fixed = _given_poses(task.rig)
+    groups = components(task.rig.sensors, pairs, given)
+    if len(groups) > 1:
+        pairs = tuple(_loosened(task, seed, groups, pair) for pair in pairs)
     T_root, _ = spanning_tree(task.rig.root, list(task.rig.sensors), pairs, given)
     return Stages(task, pairs, T_root | given, given, fixed, seed, warnings)
 
@@ -72,19 +82,47 @@ def pairwise(task: Task, seed: int, tell: Progress) -> list[PairResult]:
         tell("pairs of sensors", done, len(names))
         if task.rig.target_of(a) != task.rig.target_of(b):
             continue
-        # A stream of its own for every pair: the result does not depend on the other pairs.
-        digest = hashlib.sha256(f"{seed}/{a}/{b}".encode()).digest()
-        rng = np.random.default_rng(np.frombuffer(digest, dtype=np.uint32))
-        shared = [
-            (seen[a], seen[b])
-            for seen in task.exposures.values()
-            if a in seen and b in seen and seen[a].candidates and seen[b].candidates
-        ]
+        rng, shared = _stream(seed, a, b), _shared(task, a, b)
         if shared and not _determines(shared[0]) and _determines(shared[0][::-1]):
             a, b, shared = b, a, [(y, x) for x, y in shared]
-        results.append(calibrate_pair(shared, task.target(a), rng, (a, b)))
+        result = calibrate_pair(shared, task.target(a), rng, (a, b))
+        results.append(replace(result, can_join=_can_join(task, a, b)))
     tell("pairs of sensors", len(names), len(names))
     return results
+
+
+def _can_join(task: Task, a: str, b: str) -> bool:
+    """Whether what a and b see of boards, together or not, determines a transform."""
+    first = [
+        next(seen[s] for seen in task.exposures.values() if s in seen and seen[s].candidates)
+        for s in (a, b)
+    ]
+    return _determines((first[0], first[1])) or _determines((first[1], first[0]))
+
+
+def _loosened(
+    task: Task, seed: int, groups: Sequence[Collection[str]], pair: PairResult
+) -> PairResult:
+    """A pair between two groups that only leaves its transform open, with one of many."""
+    if not pair.shared or any(pair.a in group and pair.b in group for group in groups):
+        return pair
+    shared, rng = _shared(task, pair.a, pair.b), _stream(seed, pair.a, pair.b)
+    return loosely(shared, task.target(pair.a), rng, pair)
+
+
+def _stream(seed: int, a: str, b: str) -> np.random.Generator:
+    """A stream of its own for every pair: the result does not depend on the other pairs."""
+    digest = hashlib.sha256(f"{seed}/{a}/{b}".encode()).digest()
+    return np.random.default_rng(np.frombuffer(digest, dtype=np.uint32))
+
+
+def _shared(task: Task, a: str, b: str) -> list[tuple[Observation, Observation]]:
+    """What both sensors saw, of the exposures in which they did."""
+    return [
+        (seen[a], seen[b])
+        for seen in task.exposures.values()
+        if a in seen and b in seen and seen[a].candidates and seen[b].candidates
+    ]
 
 
 def _determines(pair: tuple[Observation, Observation]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import networkx as nx
 import numpy as np
@@ -27,17 +27,10 @@ def spanning_tree(
     TargetSizeError if the sensors contradict the target's dimensions.
     """
     _check_target_size(pairs)
-    graph: nx.Graph[str] = nx.Graph()
-    graph.add_nodes_from(sensors)
-    for name in given:
-        if name != root:
-            graph.add_edge(root, name, weight=0.0, pair=None)
-    for pair in pairs:
-        if pair.T_a_b is not None and not graph.has_edge(pair.a, pair.b):
-            graph.add_edge(pair.a, pair.b, weight=_variance(pair), pair=pair)
-    components = list(nx.connected_components(graph))
-    if len(components) > 1:
-        raise NotConnectedError(_explain(root, components, pairs))
+    graph = _graph(sensors, pairs, given)
+    groups = components(sensors, pairs, given)
+    if len(groups) > 1:
+        raise _not_connected(root, groups, pairs)
     poses = {root: np.eye(4)}
     used = []
     tree = nx.minimum_spanning_tree(graph, weight="weight")
@@ -51,6 +44,27 @@ def spanning_tree(
             poses[child] = poses[parent] @ se3.inverse(pair.T_a_b)
         used.extend([pair] if pair is not None else [])
     return poses, tuple(used)
+
+
+def components(
+    sensors: Iterable[str], pairs: Sequence[PairResult], given: Mapping[str, Array]
+) -> list[set[str]]:
+    """The groups of sensors that pairs join, or poses `given`, of which the root's is the first."""
+    return list(nx.connected_components(_graph(sensors, pairs, given)))
+
+
+def _graph(
+    sensors: Iterable[str], pairs: Sequence[PairResult], given: Mapping[str, Array]
+) -> nx.Graph[str]:
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_nodes_from(sensors)
+    root, *others = given
+    for name in others:
+        graph.add_edge(root, name, weight=0.0, pair=None)
+    for pair in pairs:
+        if pair.T_a_b is not None and not graph.has_edge(pair.a, pair.b):
+            graph.add_edge(pair.a, pair.b, weight=_variance(pair), pair=pair)
+    return graph
 
 
 def _check_target_size(pairs: Sequence[PairResult]) -> None:
@@ -71,19 +85,35 @@ def _variance(pair: PairResult) -> float:
     return float(variances[:3].sum() * _LEVER_M**2 + variances[3:].sum())
 
 
-def _explain(root: str, components: list[set[str]], pairs: Sequence[PairResult]) -> str:
-    """Names the components, and what the pairs between them lack."""
-    components = sorted((c for c in components), key=lambda c: (root not in c, sorted(c)))
-    groups = "; ".join("{" + ", ".join(sorted(c)) + "}" for c in components)
-    lines = [f"the sensors fall into {len(components)} groups that nothing links: {groups}"]
-    member = {name: i for i, c in enumerate(components) for name in c}
-    for pair in pairs:
-        if member[pair.a] != member[pair.b]:
-            shared = f"{pair.shared} shared exposures" if pair.shared else "no shared exposure"
-            why = f": {pair.reason}" if pair.shared else ""
-            lines.append(f"  {pair.a} - {pair.b}: {shared}{why}")
+def _not_connected(
+    root: str, groups: Sequence[set[str]], pairs: Sequence[PairResult]
+) -> NotConnectedError:
+    """Names the groups, what the pairs between them lack, and which pairs would join them."""
+    groups = sorted(groups, key=lambda group: (root not in group, sorted(group)))
+    between = [p for p in pairs if not any(p.a in g and p.b in g for g in groups)]
+    named = "; ".join("{" + ", ".join(sorted(g)) + "}" for g in groups)
+    lines = [f"the sensors fall into {len(groups)} groups that nothing links: {named}"]
+    for pair in between:
+        shared = f"{pair.shared} shared exposures" if pair.shared else "no shared exposure"
+        why = f": {pair.reason}" if pair.shared else ""
+        lines.append(f"  {pair.a} - {pair.b}: {shared}{why}")
+    joins = _joins(groups, between)
+    wanted = " and ".join(f"{a} and {b}" for a, b in joins) or "a sensor of each group"
     lines.append(
-        "record the board where a sensor of one group and a sensor of another see it at the same "
-        "time, in at least 5 poses with different tilts; or check these sensors' topics and target"
+        f"record the board where {wanted} see it at the same time, in at least 5 poses with "
+        "different tilts; or check these sensors' topics and target"
     )
-    return "\n".join(lines)
+    return NotConnectedError("\n".join(lines), [sorted(g) for g in groups], joins)
+
+
+def _joins(groups: Sequence[set[str]], between: Sequence[PairResult]) -> list[tuple[str, str]]:
+    """The fewest pairs that would join all groups: those that share most exposures already."""
+    graph: nx.Graph[int] = nx.Graph()
+    joins = []
+    member = {sensor: i for i, group in enumerate(groups) for sensor in group}
+    for pair in sorted((p for p in between if p.can_join), key=lambda p: -p.shared):
+        a, b = member[pair.a], member[pair.b]
+        if not (graph.has_node(a) and graph.has_node(b) and nx.has_path(graph, a, b)):
+            graph.add_edge(a, b)
+            joins.append((pair.a, pair.b))
+    return joins

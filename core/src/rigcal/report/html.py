@@ -83,6 +83,8 @@ def _texts(
         "sensors": list(calibration.sensors),
         "transforms": tables.transform_rows(calibration),
         "residuals": tables.residual_rows(calibration),
+        "verdict": calibration.verdict.lines() if calibration.verdict else [],
+        "uncertainties": tables.uncertainty_rows(calibration),
         "refined": tables.refined_rows(calibration),
         "exposures": tables.exposure_rows(calibration, observations),
         "rejections": tables.rejections(calibration, observations),

@@ -29,6 +29,27 @@ class TransformRow:
 
 
 @dataclass(frozen=True)
+class UncertaintyRow:
+    """Standard deviations of one sensor along and about its own axes, and the verdict on it.
+
+    By the noise as estimated from the residuals, and as configured.
+    """
+
+    sensor: str
+    mm: tuple[str, ...]
+    mm_configured: tuple[str, ...]
+    deg: tuple[str, ...]
+    deg_configured: tuple[str, ...]
+    verdict: str
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The row as texts."""
+        numbers = (self.mm, self.mm_configured, self.deg, self.deg_configured)
+        return (self.sensor, *(" ".join(each) for each in numbers), self.verdict)
+
+
+@dataclass(frozen=True)
 class ResidualRow:
     """What one sensor contributed, and how well it fits."""
 
@@ -101,6 +122,35 @@ def transform_rows(calibration: Calibration) -> list[TransformRow]:
             )
         )
     return rows
+
+
+def uncertainty_rows(calibration: Calibration) -> list[UncertaintyRow]:
+    """One row per sensor whose standard deviations are known."""
+    rows = []
+    for name, result in calibration.sensors.items():
+        if not result.sigmas and result.covariance is None:
+            continue
+        estimated, configured = (
+            _in_deg_and_mm(result.sigmas[how])
+            if how in result.sigmas
+            else _sigmas(result.covariance)
+            for how in ("estimated", "configured")
+        )
+        numbers = [_numbers(values, "{:.2g}") for values in (*estimated, *configured)]
+        deg, mm, deg_configured, mm_configured = numbers
+        rows.append(
+            UncertaintyRow(name, mm, mm_configured, deg, deg_configured, _state(calibration, name))
+        )
+    return rows
+
+
+def _state(calibration: Calibration, sensor: str) -> str:
+    verdict = calibration.verdict
+    if verdict is None or sensor not in verdict.sensors:
+        return _NOTHING
+    if sensor in verdict.withheld:
+        return "not determined"
+    return "weak" if sensor in verdict.weak else "determined"
 
 
 def residual_rows(calibration: Calibration) -> list[ResidualRow]:
@@ -194,9 +244,12 @@ def _worst_sigmas(covariance: Array) -> tuple[float, float]:
 
 def _sigmas(covariance: Array | None) -> tuple[Array, Array]:
     """Per axis, deg (3,) and mm (3,); NaN where there is no covariance."""
-    if covariance is None:
-        return np.full(3, np.nan), np.full(3, np.nan)
-    sigma = np.sqrt(np.diag(covariance))
+    known = np.full(6, np.nan) if covariance is None else np.sqrt(np.diag(covariance))
+    return _in_deg_and_mm(known)
+
+
+def _in_deg_and_mm(sigma: Array) -> tuple[Array, Array]:
+    """Standard deviations (6,) -> deg (3,), mm (3,)."""
     return np.degrees(sigma[:3]), sigma[3:] * 1e3
 
 

@@ -45,7 +45,7 @@ SENSORS: dict[str, dict[str, Any]] = {
     "scan": {
         "type": "lrf2d", "topic": "scan", "sigma_m": 0.01, "angle_min_deg": -135.0,
         "angle_max_deg": 135.0, "angle_step_deg": 0.5,
-        "pose": {"parent": "lidar", "translation_m": [0.2, 0.0, -0.2], "rpy_deg": [0, 5, 0]},
+        "pose": {"parent": "lidar", "translation_m": [0.2, 0.0, -0.2], "rpy_deg": [0, 0, 0]},
     },
 }  # fmt: skip
 
@@ -60,13 +60,16 @@ class Cart:
 
     def rig(self, sensors: Sequence[str], changes: Changes | None = None) -> Rig:
         """The first sensor is the root; `changes` to the sensors' and the board's entries."""
+        return parse_rig(self.content(sensors, changes), self.registry)
+
+    def content(self, sensors: Sequence[str], changes: Changes | None = None) -> dict[str, Any]:
+        """The same as rig.yaml holds it."""
         changes = changes or {}
         entries = {name: SENSORS[name] | changes.get(name, {}) for name in sensors}
         if "lidar" not in sensors:
             entries = {n: {k: v for k, v in e.items() if k != "pose"} for n, e in entries.items()}
         target = {"board": BOARD | changes.get("board", {})}
-        content = {"version": 1, "root": sensors[0], "targets": target, "sensors": entries}
-        return parse_rig(content, self.registry)
+        return {"version": 1, "root": sensors[0], "targets": target, "sensors": entries}
 
     @property
     def truth(self) -> dict[str, Array]:
@@ -106,14 +109,17 @@ MakeBoards = Callable[..., list[Array]]
 
 @pytest.fixture(scope="package")
 def make_boards() -> MakeBoards:
-    """`make_boards(rng, count, bearing_deg, distance_m, tilt)`: poses `T_lidar_t`, facing it."""
+    """`make_boards(rng, count, bearing_deg, distance_m, tilt)`: poses `T_lidar_t`, facing it.
+
+    `tilt` is the largest angle (rad) about each axis, x forwards, z up.
+    """
 
     def make(
         rng: np.random.Generator,
         count: int = 24,
         bearing_deg: float = 70.0,
         distance_m: tuple[float, float] = (1.2, 4.0),
-        tilt: float = 0.6,
+        tilt: float | Sequence[float] = 0.6,
     ) -> list[Array]:
         facing = np.array([[0.0, 0, -1], [1, 0, 0], [0, 1, 0]])
         facing[:, 0] = np.cross(facing[:, 1], facing[:, 2])
@@ -122,7 +128,7 @@ def make_boards() -> MakeBoards:
             yaw = np.radians(rng.uniform(-bearing_deg, bearing_deg))
             turn = se3.exp_so3(np.array([0.0, 0.0, yaw]))
             place = np.array([rng.uniform(*distance_m), 0.0, rng.uniform(-0.4, 0.4)])
-            R = turn @ se3.exp_so3(rng.uniform(-tilt, tilt, 3)) @ facing
+            R = turn @ se3.exp_so3(rng.uniform(-1, 1, 3) * tilt) @ facing
             poses.append(se3.transform(R, turn @ place))
         return poses
 

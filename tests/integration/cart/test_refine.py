@@ -122,7 +122,7 @@ def test_scale_from_cameras_alone_is_refused(cart, make_boards):
 
 def test_bias_from_boards_in_one_direction_is_refused(cart, make_boards):
     rng = np.random.default_rng(4)
-    ahead = cart.record(rng, make_boards(rng, 20, 10.0, (2.0, 3.5)), ("lidar", "left", "scan"))
+    ahead = cart.record(rng, make_boards(rng, 12, 3.0, (2.4, 2.6)), ("lidar", "left", "scan"))
     rig = cart.rig(("lidar", "left", "scan"), {"scan": {"refine": ["range_bias"]}})
     with pytest.raises(NotDeterminedError, match=r"scan: range_bias: .*range_bias_m \(\+-.* m\)"):
         calibrate(rig, cart.registry, ahead)

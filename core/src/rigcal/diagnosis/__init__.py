@@ -1,0 +1,1 @@
+"""What a recording determines and what it leaves open, in words."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from matplotlib.image import imread
 
 from rigcal import Registry, load_rig, parse_rig
 from rigcal.cli import main
@@ -153,3 +154,48 @@ def test_the_continuous_example_covers_all_sensors(registry: Registry) -> None:
     for start, end in plan.holds:
         held = {shot.sensor for shot in plan.shots if start < shot.stamp_ns < end}
         assert held == set(rig.sensors)
+
+
+GREEN, PINK = (34, 197, 94), (214, 51, 108)
+"""Of the true corners and of the board's outline."""
+
+
+def preview(out: Path, *options: str) -> None:
+    rig = out.with_suffix(".yaml")
+    rig.write_text(yaml.safe_dump(SMALL))
+    with pytest.raises(SystemExit) as exit_:
+        main(["simulate", str(rig), "--out", str(out), "--poses", "2", "--preview", *options])
+    assert exit_.value.code == 0
+
+
+def pixels_of(path: Path, colour: tuple[int, int, int]) -> int:
+    rgb = np.round(255 * imread(path)[..., :3]).astype(int)
+    return int(np.count_nonzero((np.abs(rgb - colour) < 25).all(axis=-1)))
+
+
+def test_a_page_per_exposure_shows_corners_and_outline(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    preview(tmp_path / "out", "--json")
+    index = Path(json.loads(capsys.readouterr().out)["preview"])
+    assert index == tmp_path / "out" / "preview" / "index.html"
+    pages = sorted(index.parent.glob("exposure_*.png"))
+    assert len(pages) == 2
+    for path in (*pages, index.parent / "rig.png"):
+        assert f'src="{path.name}"' in index.read_text()
+    for page in pages:
+        assert pixels_of(page, GREEN) > 20
+        assert pixels_of(page, PINK) > 200
+
+
+def test_the_same_seed_draws_the_same_bytes_and_nothing_old_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [tmp_path / name / "preview" for name in ("a", "b")]
+    folders[1].mkdir(parents=True)
+    (folders[1] / "exposure_0009.png").write_bytes(b"of another run")
+    preview(tmp_path / "a", "--quiet", "--jobs", "1")
+    preview(tmp_path / "b", "--quiet", "--jobs", "2")
+    assert capsys.readouterr().out == ""
+    a, b = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in folders)
+    assert a == b

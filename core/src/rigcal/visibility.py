@@ -23,7 +23,7 @@ def spots_in_view(T_s_t: Array, kind: SensorType, config: SensorConfig, target: 
     """
     if T_s_t[:3, 2] @ T_s_t[:3, 3] >= 0:
         return np.empty((0, 3))
-    spots = _cut(T_s_t, target) if kind.flat else _spots(T_s_t, target)
+    spots = cut(T_s_t, target) if kind.flat else _spots(T_s_t, target)
     seen = np.ones(len(spots), bool) if kind.sees is None else kind.sees(spots, config)
     if not len(spots) or np.mean(seen) < LEAST_SEEN:
         return np.empty((0, 3))
@@ -37,7 +37,7 @@ def _spots(T_s_t: Array, target: Target) -> Array:
     return se3.apply(T_s_t, grid * [*target.size, 0.0])
 
 
-def _cut(T_s_t: Array, target: Target) -> Array:
+def cut(T_s_t: Array, target: Target) -> Array:
     """Points (5, 3) along the cut of the board with the plane z = 0 of the sensor, or (0, 3)."""
     start = se3.apply(T_s_t, target.outline_points)
     end = np.roll(start, -1, axis=0)

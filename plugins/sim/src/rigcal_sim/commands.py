@@ -34,16 +34,24 @@ def simulate(
         ),
     ] = None,
     bag: Annotated[bool, typer.Option("--bag", help="Write recording.bag (ROS 1) too.")] = False,
+    preview: Annotated[
+        bool,
+        typer.Option("--preview", help="Draw the rig, and what every sensor saw, in DIR/preview."),
+    ] = False,
     jobs: Jobs = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Simulate a recording of a rig, with the truth, from the poses in the rig file."""
-    summary = _simulate(rig_file, scenario, out, poses, seed, bag, jobs, quiet or json)
+    silent = quiet or json
+    summary = _simulate(rig_file, scenario, out, poses, seed, bag, jobs, silent)
+    index = _preview(rig_file, summary, jobs, silent) if preview else None
     if json:
-        print_json(_as_mapping(summary))
+        print_json(_as_mapping(summary) | ({"preview": str(index)} if index else {}))
     elif not quiet:
         _show(summary)
+        if index:
+            print_line(f"{index}")
 
 
 def demo(
@@ -96,6 +104,22 @@ def _simulate(
     with progress_bar(silent) as progress:
         return write_recording(
             rig, registry, scenario, seed, out, formats, progress, poses=poses, jobs=jobs
+        )
+
+
+def _preview(rig_file: Path, summary: Summary, jobs: int | None, silent: bool) -> Path:
+    from rigcal.calibration_file import load_calibration
+    from rigcal.plugin.registry import Registry
+    from rigcal.rig import build_targets, load_rig
+    from rigcal_sim.preview import write_preview
+
+    registry = Registry.from_entry_points()
+    rig = load_rig(rig_file, registry)
+    target = build_targets(rig, registry)[summary.target]
+    truth, folder = load_calibration(summary.truth), summary.truth.parent / "preview"
+    with progress_bar(silent) as progress:
+        return write_preview(
+            rig, registry, target, summary.recordings[0], truth, folder, progress, jobs
         )
 
 

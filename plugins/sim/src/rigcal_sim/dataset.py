@@ -40,13 +40,14 @@ _BATCH = 16
 class Summary:
     """What was written.
 
-    `seen` counts the exposures in which each sensor has the board in view. `redrawn` poses were
-    drawn again; `unseen` of them, or of those kept with `redraw: false`, because too few sensors
-    saw them. `messages` are counted by topic.
+    `target` is the name of the target that was shown. `seen` counts the exposures in which each
+    sensor has the board in view. `redrawn` poses were drawn again; `unseen` of them, or of those
+    kept with `redraw: false`, because too few sensors saw them. `messages` are counted by topic.
     """
 
     recordings: tuple[Path, ...]
     truth: Path
+    target: str
     exposures: int
     redrawn: int
     unseen: int
@@ -91,6 +92,7 @@ def simulate(
     return Summary(
         recordings=recordings,
         truth=out / "truth.yaml",
+        target=target.name,
         exposures=len(boards.T_w_t),
         redrawn=boards.redrawn,
         unseen=boards.unseen,

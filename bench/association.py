@@ -20,6 +20,7 @@ import numpy as np
 import yaml
 
 from rigcal import evaluate, load_calibration, load_observations
+from rigcal.errors import RigcalError
 from rigcal.estimation import calibrate
 from rigcal.frames import Look, look_at, streams_of
 from rigcal.geometry import se3
@@ -73,6 +74,7 @@ def write_inputs(out, images, poses):
     scenario = yaml.safe_load((EXAMPLES / "husky_continuous_scenario.yaml").read_text())
     scenario["board"]["poses"] = poses
     scenario["stamps"]["jitter_s"] = 0.005
+    scenario["recording"]["hold_s"] = 2.0
     rates = {"camera": 10.0, "lrf2d": 40.0, "lrf3d": 10.0}
     scenario["defaults"] = {kind: {"rate_hz": rate} for kind, rate in rates.items()}
     scenario["defaults"]["camera"]["board_px_per_mm"] = 1.5
@@ -121,7 +123,7 @@ class Study:
             "one frame per pose": [
                 calibrate(self.rig, self.registry, self.observations("one_frame"))
             ],
-            "one frame of each hold": [calibrate(self.rig, self.registry, d) for d in draws],
+            "one frame of each hold": [c for d in draws if (c := self.calibrated(d))],
             "frames combined": [first],
             "and a second look": [second],
         }
@@ -131,6 +133,14 @@ class Study:
         print(f"\ncost of detect, one process: {total} frames recorded, {looked_at} looked at")
         for mode, (cpu, mb) in cost.items():
             print(f"  {mode:12} {cpu:6.1f} s CPU, {mb:5.0f} MB at most")
+
+    def calibrated(self, observations):
+        """A calibration, or None where the data leave a pose open."""
+        try:
+            return calibrate(self.rig, self.registry, observations)
+        except RigcalError as error:
+            print(f"\none draw of one frame per hold has no answer: {str(error).splitlines()[0]}")
+            return None
 
     def detect(self, mode):
         recording = self.out / mode / "recording.mcap"
@@ -220,7 +230,7 @@ class Study:
         }
         frames = look_at(self.streams, looks, "consistency", jobs=self.jobs)
         single = {(f.stamp.sensor, f.stamp.index): f.detection.candidates for f in frames}
-        print("\nNEES / dof  combined  single frames (median over exposures)")
+        print("\nNEES / dof  combined  single frames (mean over exposures)")
         for s in self.streams:
             rows = []
             for o in (o for o in right if o.sensor == s):
@@ -230,7 +240,7 @@ class Study:
                 combined = min(nees(c.geometry, T) for c in o.candidates)
                 rows.append((combined, np.mean(of_frames)))
             if rows:
-                print(f"{s:9} {np.median(rows, 0)[0]:11.2f} {np.median(rows, 0)[1]:9.2f}")
+                print(f"{s:9} {np.mean(rows, 0)[0]:11.2f} {np.mean(rows, 0)[1]:9.2f}")
 
     def print_accuracy(self, results):
         print("\nerror against the truth, mm / deg (in sigmas); rms over draws")

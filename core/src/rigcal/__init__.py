@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rigcal.estimation import calibrate
     from rigcal.evaluation import Evaluation, evaluate
     from rigcal.exporting import export, write_export
+    from rigcal.fusing import Fused, fuse, write_fused
     from rigcal.graph.method import Method
     from rigcal.observation import (
         LineGeometry,
@@ -50,6 +51,7 @@ _HOME = {
     "Cancelled": "errors",
     "Comparison": "comparison",
     "Evaluation": "evaluation",
+    "Fused": "fusing",
     "LineGeometry": "observation",
     "Message": "recording.message",
     "Method": "graph.method",
@@ -70,6 +72,7 @@ _HOME = {
     "detect": "detection",
     "evaluate": "evaluation",
     "export": "exporting",
+    "fuse": "fusing",
     "load_calibration": "calibration_file",
     "load_observations": "observation_file",
     "load_rig": "rig",
@@ -80,6 +83,7 @@ _HOME = {
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
     "write_export": "exporting",
+    "write_fused": "fusing",
     "write_report": "report",
     "write_target_page": "printing",
 }
@@ -89,6 +93,7 @@ __all__ = [
     "Cancelled",
     "Comparison",
     "Evaluation",
+    "Fused",
     "LineGeometry",
     "Message",
     "Method",
@@ -109,6 +114,7 @@ __all__ = [
     "detect",
     "evaluate",
     "export",
+    "fuse",
     "load_calibration",
     "load_observations",
     "load_rig",
@@ -119,6 +125,7 @@ __all__ = [
     "save_calibration",
     "save_observations",
     "write_export",
+    "write_fused",
     "write_report",
     "write_target_page",
 ]

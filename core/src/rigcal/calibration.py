@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from rigcal.diagnosis.verdict import Verdict
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+
+if TYPE_CHECKING:
+    from rigcal.plugin.contract import SensorConfig, SensorType
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,15 @@ class SensorResult:
     noise_scale: float | None = None
     refined: Mapping[str, RefinedNumber] = field(default_factory=dict)
     sigmas: Mapping[str, Array] = field(default_factory=dict)
+
+
+def as_refined(config: SensorConfig, kind: SensorType, result: SensorResult) -> SensorConfig:
+    """A sensor's config with the numbers that its calibration refined; it asks for no more."""
+    for name in config.refine if result.refined else ():
+        refinable = kind.refinable[name]
+        values = np.array([result.refined[n].value for n in refinable.parameters(config).names])
+        config = refinable.apply(config, values)
+    return config.model_copy(update={"refine": ()})
 
 
 @dataclass(frozen=True)
@@ -134,6 +147,16 @@ class Calibration:
                 rows[:, at : at + 6] += part
         result: Array = rows @ matrix @ rows.T
         return result
+
+    @property
+    def up(self) -> Array:
+        """(3,) unit vector in the root's frame: the mean of the boards' y axes, which are mostly
+        held upright; z of the root where they disagree.
+        """
+        poses = np.array(list(self.target_poses.values())).reshape(-1, 4, 4)
+        mean = poses[:, :3, 1].mean(axis=0) if len(poses) else np.zeros(3)
+        size = float(np.linalg.norm(mean))
+        return mean / size if size > 0.3 else np.array([0.0, 0.0, 1.0])
 
     def _T_root(self, name: str) -> Array:
         T = np.eye(4)

@@ -16,6 +16,7 @@ from rigcal.cli.compare import compare
 from rigcal.cli.detect import detect
 from rigcal.cli.evaluate import evaluate
 from rigcal.cli.export import export
+from rigcal.cli.fuse import fuse
 from rigcal.cli.new_plugin import new_plugin
 from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
@@ -29,6 +30,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "evaluate": evaluate,
     "compare": compare,
     "export": export,
+    "fuse": fuse,
     "target": target,
     "plugins": plugins,
     "new-plugin": new_plugin,

@@ -19,7 +19,7 @@ from rigcal.progress import Progress
 from rigcal.report import tables
 from rigcal.report.pictures import Pictures, pictures
 from rigcal.report.scene3d import scene3d
-from rigcal.report.sensor_errors import as_refined, errors_by_sensor, exposure_of
+from rigcal.report.sensor_errors import config_of, errors_by_sensor, exposure_of
 from rigcal.rig import Rig, build_targets
 
 
@@ -132,7 +132,7 @@ def _error_figures(
         tell("drawing the report", done, len(every))
         order = np.array([number[exposure] for exposure in errors.exposures])
         kind = registry.sensor_type(rig.sensors[name].type)
-        config = as_refined(calibration, rig, registry, name)
+        config = config_of(calibration, rig, registry, name)
         result[name] = error_figure(errors, kind, config, order)
     tell("drawing the report", len(every), len(every))
     return result

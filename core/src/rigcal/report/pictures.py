@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.calibration import Calibration
+from rigcal.fusing.colour import Image, by_range, dots
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import (
@@ -26,10 +27,9 @@ from rigcal.plugin.contract import FrameView
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
 from rigcal.report.frames import show_frames
-from rigcal.report.sensor_errors import as_refined, exposure_of, used
+from rigcal.report.sensor_errors import config_of, exposure_of, used
 from rigcal.rig import Rig, build_targets
 
-Image = NDArray[np.uint8]
 _OVERLAY_PX, _THUMB_PX = 640, 176
 _OVERLAYS, _THUMBS = 12, 150
 _FOUND, _EXPECTED = (36, 100, 180), (192, 57, 43)
@@ -132,8 +132,6 @@ class _Painter:
     def overlay(
         self, camera: Observation, laser: Observation, views: Mapping[tuple[str, str], FrameView]
     ) -> Overlay:
-        from matplotlib import colormaps
-
         image = views[camera.sensor, camera.exposure].image
         points = views[laser.sensor, laser.exposure].points
         if image is None or points is None:
@@ -145,12 +143,9 @@ class _Painter:
         uv, inside = self._project(camera.sensor, p_c)
         scale = picture.shape[1] / image.shape[1]
         ranges = np.linalg.norm(p_c[inside], axis=1)
-        if inside.any():
-            low, high = np.quantile(ranges, [0.02, 0.98])
-            colours = colormaps["turbo"]((ranges - low) / max(high - low, 1e-6))[:, :3] * 255
-            # The farthest first: nearer points cover them.
-            order = np.argsort(-ranges)
-            _dots(picture, scale * uv[inside][order], colours[order])
+        # The farthest first: nearer points cover them.
+        order = np.argsort(-ranges)
+        dots(picture, scale * uv[inside][order], by_range(ranges)[order])
         return Overlay(camera.sensor, laser.sensor, camera.exposure, _jpeg(picture))
 
     def _on_image(
@@ -177,7 +172,7 @@ class _Painter:
         return picture
 
     def _project(self, sensor: str, points: Array) -> tuple[Array, NDArray[np.bool_]]:
-        config = as_refined(self.calibration, self.rig, self.registry, sensor)
+        config = config_of(self.calibration, self.rig, self.registry, sensor)
         project = self.registry.sensor_type(config.type).project
         if project is None or not len(points):
             return np.zeros((len(points), 2)), np.zeros(len(points), bool)
@@ -194,16 +189,6 @@ class _Painter:
         T_s_root = se3.inverse(self.calibration.T(self.calibration.root, o.sensor))
         T_s_t = T_s_root @ self.calibration.target_poses[name]
         return [se3.apply(T_s_t, self._outline(o.sensor))]
-
-
-def _dots(picture: Image, uv: Array, colours: Array) -> None:
-    """Paints squares of 3 pixels, those that come later over the earlier."""
-    height, width = picture.shape[:2]
-    square = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
-    at = (np.round(uv).astype(np.intp)[:, None] + square).reshape(-1, 2)
-    inside = np.all((at >= 0) & (at < (width, height)), axis=1)
-    u, v = at[inside].T
-    picture[v, u] = np.repeat(colours, len(square), axis=0)[inside]
 
 
 def _shape(geometry: Geometry, outline: Array) -> Array:

@@ -48,7 +48,7 @@ def scene3d(
     ]
     content = {
         "root": calibration.root,
-        "up": _rounded(_up(calibration)),
+        "up": _rounded(calibration.up),
         "magnification": _magnification([a for a in axes.values() if a is not None], extent),
         "sensors": sensors,
         "boards": [{"name": k, "outline": _rounded(v)} for k, v in boards.items()],
@@ -86,14 +86,6 @@ def _magnification(axes: list[Array], extent: float) -> int:
     wanted = max(_ELLIPSOID * extent / largest, 1.0)
     power = 10 ** np.floor(np.log10(wanted))
     return int(power * max(step for step in (1, 2, 5) if step * power <= wanted))
-
-
-def _up(calibration: Calibration) -> Array:
-    """The mean of the boards' y axes, held upright mostly; the root's z where they disagree."""
-    poses = np.array(list(calibration.target_poses.values())).reshape(-1, 4, 4)
-    mean = poses[:, :3, 1].mean(axis=0) if len(poses) else np.zeros(3)
-    size = float(np.linalg.norm(mean))
-    return mean / size if size > 0.3 else np.array([0.0, 0.0, 1.0])
 
 
 def _rounded(values: Array | None, digits: int = _DIGITS) -> Any:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigcal.calibration import Calibration
+from rigcal.calibration import Calibration, as_refined
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.selection import misfit
@@ -88,7 +88,7 @@ def errors_by_sensor(
         name: _errors_of(
             by_sensor[name],
             registry.sensor_type(rig.sensors[name].type),
-            as_refined(calibration, rig, registry, name),
+            config_of(calibration, rig, registry, name),
             targets[rig.target_of(name)],
             [exposure_of(calibration, rig, o) for o in by_sensor[name]],
             _poses(calibration, rig, registry, name, by_sensor[name]),
@@ -98,14 +98,10 @@ def errors_by_sensor(
     }
 
 
-def as_refined(calibration: Calibration, rig: Rig, registry: Registry, sensor: str) -> SensorConfig:
+def config_of(calibration: Calibration, rig: Rig, registry: Registry, sensor: str) -> SensorConfig:
     """A sensor's config with the numbers that the calibration refined."""
-    config, found = rig.sensors[sensor], calibration.sensors[sensor].refined
-    for name in config.refine if found else ():
-        refinable = registry.sensor_type(config.type).refinable[name]
-        values = np.array([found[n].value for n in refinable.parameters(config).names])
-        config = refinable.apply(config, values)
-    return config.model_copy(update={"refine": ()})
+    config = rig.sensors[sensor]
+    return as_refined(config, registry.sensor_type(config.type), calibration.sensors[sensor])
 
 
 def _poses(

@@ -61,7 +61,7 @@ class Desk:
             if block.title:
                 self._write(block)
             elif block.language == "python":
-                exec(compile(block.text, block.where, "exec"), self.names)
+                exec(compile(block.text, block.where, "exec", dont_inherit=True), self.names)
                 self.printed += self._capsys.readouterr().out
             elif block.language == "bash":
                 for line in block.text.replace("\\\n", " ").splitlines():
@@ -81,6 +81,8 @@ class Desk:
                 self._write(block)
 
     def _write(self, block: Block) -> None:
+        if block.language == "python":
+            compile(block.text, block.where, "exec")
         path = self.folder / block.title
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(block.text, encoding="utf-8")
@@ -92,7 +94,11 @@ class Desk:
                 return
             case ["pip", "install", *folders]:
                 for folder in folders:
+                    if folder == "-e":
+                        continue
                     self.install(self.folder / folder.partition("[")[0])
+            case ["pytest", _]:
+                pass  # of a new plugin: tests/core/skeleton does it
             case ["rigcal", *arguments]:
                 with pytest.raises(SystemExit) as caught:
                     main(arguments)
@@ -122,6 +128,8 @@ def desk(
     """An empty folder to follow a page in; what it installs is gone afterwards."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
+    # Small work is done sooner without other processes.
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
     yield Desk(tmp_path, capsys, lay_out)
     for name, module in list(sys.modules.items()):
         if str(getattr(module, "__file__", "")).startswith(str(tmp_path)):

@@ -1,0 +1,78 @@
+"""Every code block of the documentation runs, as its page says."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rigcal
+from rigcal.calibration import Calibration, SensorResult
+from rigcal.geometry import se3
+
+ROOT = Path(__file__).parents[2]
+GUIDE = sorted(p.name for p in (ROOT / "docs" / "guide").glob("*.md"))
+ELSEWHERE = {
+    "embed.md": "test_embedding_pages.py",
+    "nightly-check.md": "test_embedding_pages.py",
+    "other-doors.md": "test_other_doors.py",
+    "ros2-node.md": "test_embedding_pages.py",
+}
+
+
+@pytest.fixture
+def supplied(desk: Any) -> Any:
+    """A desk with two calibrations of one rig, which some pages begin from."""
+    T = se3.exp(np.array([0.0, 0.3, 0.1, 0.1, 0.0, 0.2]))
+    sensors = {
+        "lidar": SensorResult("lidar", np.eye(4)),
+        "cam0": SensorResult("lidar", T, 1e-6 * np.eye(6)),
+        "cam1": SensorResult("lidar", se3.inverse(T), 1e-6 * np.eye(6)),
+    }
+    for name in ("first", "second"):
+        path = desk.folder / name / "calibration.yaml"
+        rigcal.save_calibration(path, Calibration("lidar", sensors))
+    return desk
+
+
+@pytest.mark.parametrize("name", [name for name in GUIDE if name not in ELSEWHERE])
+def test_the_page_can_be_followed(supplied: Any, page: Any, name: str) -> None:
+    supplied.follow(page(f"guide/{name}"))
+
+
+@pytest.mark.parametrize(("name", "test"), ELSEWHERE.items())
+def test_other_pages_have_tests_of_their_own(name: str, test: str) -> None:
+    assert f"guide/{name}" in (Path(__file__).parent / test).read_text()
+
+
+def test_no_code_hides_outside_the_guide() -> None:
+    """Elsewhere code would not be run: text, and what a shell cannot do without."""
+    for path in (ROOT / "docs").rglob("*.md"):
+        if path.parent.name != "guide":
+            languages = set(re.findall(r"^```(\w+)", path.read_text(), flags=re.M))
+            assert languages <= {"text"}, path
+
+
+@pytest.fixture(scope="module")
+def commands_page() -> Any:
+    spec = importlib.util.spec_from_file_location("page", ROOT / "docs" / "commands_page.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_command_and_option_is_described(commands_page: Any) -> None:
+    text = commands_page.commands_page()
+    for name, command in commands_page.commands().items():
+        assert f"## rigcal {name}\n" in text
+        assert len(command.help or "") > 20, name
+        for parameter in command.params:
+            assert len(parameter.help or "") > 8, f"{name}: {parameter.name}"
+            for option in parameter.opts if parameter.param_type_name == "option" else ():
+                assert option in text or option == "--help", f"{name}: {option}"

@@ -142,26 +142,36 @@ def _look(streams: Mapping[str, Stream], task: _Task) -> list[DetectedFrame]:
     """A few frames of one stream (runs in a worker process)."""
     stream = streams[task.sensor]
     kind = stream.kind
-    wanted = {look.index: look for look in task.looks}
-    first, last = min(wanted), max(wanted)
-    frames, definitions = [], kind.message_definitions
-    with open_recording(stream.recording, definitions, stream.formats) as recording:
-        messages = recording.read(stream.config.source, first, last + 1)
-        for index, message in enumerate(messages, start=first):
-            if index not in wanted:
-                continue
-            stamp = FrameStamp(stream.sensor, message.stamp_ns, message.exposure, index)
-            check_type(stream.sensor, kind, message)
-            try:
-                frame = kind.decode(message, stream.config)
-            except Exception as error:
-                lost = Detection((), f"unreadable: {_decoder_error(stream, message, error)}")
-                frames.append(DetectedFrame(stamp, message.origin, lost, unreadable=True))
-                continue
-            T_s_t = wanted[index].T_s_t
-            detection = detect_in_frame(kind, stream.config, stream.target, frame, T_s_t)
-            frames.append(DetectedFrame(stamp, message.origin, detection))
+    frames = []
+    with open_recording(stream.recording, kind.message_definitions, stream.formats) as recording:
+        for run in _runs(task.looks):
+            messages = recording.read(stream.config.source, run[0].index, run[-1].index + 1)
+            frames += [_looked_at(stream, *each) for each in zip(messages, run, strict=True)]
     return frames
+
+
+def _runs(looks: Sequence[Look]) -> list[list[Look]]:
+    """Looks at frames one after the other: what lies between two runs is not read."""
+    runs: list[list[Look]] = []
+    for look in sorted(looks, key=lambda look: look.index):
+        if runs and look.index == runs[-1][-1].index + 1:
+            runs[-1].append(look)
+        else:
+            runs.append([look])
+    return runs
+
+
+def _looked_at(stream: Stream, message: Message, look: Look) -> DetectedFrame:
+    kind = stream.kind
+    stamp = FrameStamp(stream.sensor, message.stamp_ns, message.exposure, look.index)
+    check_type(stream.sensor, kind, message)
+    try:
+        frame = kind.decode(message, stream.config)
+    except Exception as error:
+        lost = Detection((), f"unreadable: {_decoder_error(stream, message, error)}")
+        return DetectedFrame(stamp, message.origin, lost, unreadable=True)
+    found = detect_in_frame(kind, stream.config, stream.target, frame, look.T_s_t)
+    return DetectedFrame(stamp, message.origin, found)
 
 
 def _decoder_error(stream: Stream, message: Message, error: Exception) -> str:

@@ -17,12 +17,13 @@ from rigcal.document import Document, Problems, describe, read_document
 from rigcal.errors import ConfigError, PluginError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.plugin.contract import SensorConfig
+from rigcal.plugin.contract import PoseConfig, SensorConfig
 from rigcal.plugin.registry import Registry
 from rigcal.targets.target import Target, TargetConfig
 from rigcal.validation import nearest_of
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_FRAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_./-]*")
 _C = TypeVar("_C", bound=BaseModel)
 Association = Literal["still", "nearest", "same_index"]
 Noise = Literal["estimated", "configured"]
@@ -36,7 +37,8 @@ class Rig:
     ("still"), stamps within `tolerance_s` of each other ("nearest"), or equal positions in each
     sensor's stream ("same_index"). None: "still" where the recording shows the target held still
     again and again, else "nearest". `noise`: observations
-    weigh by their sensors' noise as estimated from the residuals, or as configured.
+    weigh by their sensors' noise as estimated from the residuals, or as configured. `base` is the
+    pose of the root in a frame of the robot, its `parent`: exports hang the sensors from it.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Rig:
     hold_s: float = 1.0
     noise: Noise = "estimated"
     version: int = 1
+    base: PoseConfig | None = None
 
     def target_of(self, sensor: str) -> str:
         """Name of the target that a sensor looks at."""
@@ -78,6 +81,11 @@ class _RigFile(BaseModel):
     noise: Noise = Field(
         default="estimated",
         description="sensors weigh by the noise estimated from the residuals, or as configured",
+    )
+    base: PoseConfig | None = Field(
+        default=None,
+        description="pose of the root sensor in a frame of the robot (its `parent`: base_link), "
+        "for exports",
     )
 
 
@@ -153,6 +161,7 @@ def _parse(document: Document, registry: Registry) -> Rig:
     sensors = _members(problems, "sensors", lambda kind: registry.sensor_type(kind).config)
     _check_names(problems, sensors, targets)
     _check_poses(problems, sensors)
+    _check_base(problems, header)
     _check_refine(problems, sensors, registry)
     problems.raise_if_any()
     assert header is not None  # it is None only with a problem noted
@@ -216,6 +225,18 @@ def _check_poses(problems: Problems, sensors: Mapping[str, SensorConfig]) -> Non
             chain.append(parents[chain[-1]])
         if parents.get(chain[-1]) == name == min(chain):
             problems.add(path, f"the poses go in a circle: {' -> '.join([*chain, name])}")
+
+
+def _check_base(problems: Problems, header: _RigFile | None) -> None:
+    """The robot's frame has a name that other programs take, and is no sensor."""
+    if header is None or header.base is None:
+        return
+    frame, path = header.base.parent, ("base", "parent")
+    if frame in header.sensors:
+        found = f"'{frame}' is a sensor, expected the name of a frame of the robot (base_link)"
+        problems.add(path, found)
+    elif not _FRAME.fullmatch(frame):
+        problems.add(path, f"name {frame!r}: use letters, digits, '_', '.', '-' and '/'")
 
 
 def _check_refine(

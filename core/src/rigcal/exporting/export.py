@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from rigcal.calibration import Calibration
+from rigcal.calibration import Calibration, as_refined
 from rigcal.errors import InputError, PluginError, RigcalError
 from rigcal.exporting.exporter import Exported
 from rigcal.files import write_text
@@ -18,7 +19,8 @@ def export(
 ) -> Exported:
     """The calibration as text of format `form`, or texts by file name if it has several files.
 
-    `rig` is needed by formats that hold more than poses. PluginError for an unknown format, or one
+    `rig` is needed by formats that hold more than poses; of what was refined beside the poses, such
+    as lenses, they get what was found. PluginError for an unknown format, or one
     whose plugin fails; InputError when the rig is missing or lacks a sensor.
     """
     exporter = registry.exporter(form)
@@ -26,11 +28,8 @@ def export(
         raise InputError(
             f"format '{form}' holds more than a calibration says; give the rig too (`--rig RIG`)"
         )
-    if rig is not None and (unknown := sorted(set(calibration.sensors) - set(rig.sensors))):
-        raise InputError(
-            f"the calibration has {', '.join(unknown)}, which the rig does not "
-            f"(it has {', '.join(rig.sensors)}); use the rig file that it was made with"
-        )
+    if rig is not None:
+        rig = _as_calibrated(calibration, rig, registry)
     try:
         text = exporter.text(calibration, rig)
     except RigcalError:
@@ -60,6 +59,20 @@ def write_export(
     for file, content in texts.items():
         write_text(file, content)
     return tuple(texts)
+
+
+def _as_calibrated(calibration: Calibration, rig: Rig, registry: Registry) -> Rig:
+    if unknown := sorted(set(calibration.sensors) - set(rig.sensors)):
+        raise InputError(
+            f"the calibration has {', '.join(unknown)}, which the rig does not "
+            f"(it has {', '.join(rig.sensors)}); use the rig file that it was made with"
+        )
+    found = {
+        name: as_refined(rig.sensors[name], registry.sensor_type(rig.sensors[name].type), result)
+        for name, result in calibration.sensors.items()
+        if result.refined
+    }
+    return replace(rig, sensors={**rig.sensors, **found})
 
 
 def _check(form: str, text: object) -> None:

@@ -156,6 +156,21 @@ def rotation_from_rpy(rpy: Array) -> Array:
     return result
 
 
+def rpy_from_rotation(R: Array) -> Array:
+    """(..., 3) roll, pitch, yaw (rad) about fixed x, y, z of (..., 3, 3) rotations, as in URDF.
+
+    Yaw is taken out before the other two are read off, so that a pitch of 90 degrees costs no
+    accuracy.
+    """
+    R = np.asarray(R, dtype=np.float64)
+    yaw = np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    pitch = np.arctan2(-R[..., 2, 0], cos * R[..., 0, 0] + sin * R[..., 1, 0])
+    across = cos[..., None] * R[..., 1, :] - sin[..., None] * R[..., 0, :]
+    roll = np.arctan2(-across[..., 2], across[..., 1])
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
 def rotation_angle(R: Array) -> Array:
     """(...) geodesic angles (rad) of (..., 3, 3) rotations."""
     result: Array = np.linalg.norm(log_so3(R), axis=-1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, Self
+from typing import Any, ClassVar, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,10 @@ class SensorConfig(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    optical: ClassVar[bool] = False
+    """Whether its frame is an optical one (z forward, x right, y down). Files for ROS then have
+    two frames: one with x forward, and the optical one hanging from it."""
 
     type: str
     topic: str | None = Field(default=None, description="topic of the sensor in a bag")

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.geometry.se3 import Array
-from rigcal.plugin import SensorType, hookimpl
+from rigcal.plugin import Exporter, SensorType, hookimpl
 from rigcal_camera.combine import combine
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.detector import detect, fit, observe
 from rigcal_camera.effects import CameraEffects
+from rigcal_camera.exchange import EXPORTERS
 from rigcal_camera.frames import COMPRESSED, FILE_TYPES, IMAGE, decode, view
 from rigcal_camera.lens import Lens, lens_of
 from rigcal_camera.messages import camera_info, encode, transport
@@ -91,3 +92,9 @@ CAMERA = SensorType(
 def rigcal_sensor_types() -> Sequence[SensorType]:
     """The camera."""
     return [CAMERA]
+
+
+@hookimpl
+def rigcal_exporters() -> Sequence[Exporter]:
+    """Files of other tools that hold lenses."""
+    return EXPORTERS

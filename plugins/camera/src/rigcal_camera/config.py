@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -13,6 +13,8 @@ _COUNTS = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (0, 4)}
 
 class CameraConfig(SensorConfig, frozen=True):
     """A camera with known intrinsics; frame: z forward, x right, y down, origin at its centre."""
+
+    optical: ClassVar[bool] = True
 
     type: Literal["camera"] = "camera"
     width_px: int = Field(gt=0, description="width of the image")

@@ -1,0 +1,47 @@
+"""sensor_msgs/CameraInfo as YAML, as ROS's camera_info_manager reads it: one file per camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rigcal.exporting.text import commented_yaml
+from rigcal.geometry.se3 import Array
+from rigcal.plugin import Calibration, Exporter, Rig
+from rigcal_camera.config import CameraConfig
+from rigcal_camera.exchange.cameras import cameras_of
+from rigcal_camera.messages import camera_info
+
+
+def camera_info_texts(calibration: Calibration, rig: Rig | None) -> Mapping[str, str]:
+    """NAME.yaml per camera. Source of the format: wiki.ros.org/camera_calibration_parsers."""
+    cameras = cameras_of(calibration, rig)
+    return {f"{name}.yaml": _text(name, config) for name, config in cameras.items()}
+
+
+def _text(name: str, config: CameraConfig) -> str:
+    info = camera_info(config, 0, f"{name}_optical_frame")
+    lines = [
+        "sensor_msgs/CameraInfo, calibrated by rigcal: a lens, no pose, no quaternion.",
+        f"Its frame is optical (z forward, x right, y down): frame_id {info.header.frame_id}.",
+        "camera_matrix: pixel = K p_camera / z; (0, 0) is the centre of the top-left pixel.",
+    ]
+    content = {
+        "image_width": info.width,
+        "image_height": info.height,
+        "camera_name": name,
+        "camera_matrix": _matrix(info.k, 3),
+        "distortion_model": info.distortion_model,
+        "distortion_coefficients": _matrix(info.d, 1),
+        "rectification_matrix": _matrix(info.r, 3),
+        "projection_matrix": _matrix(info.p, 3),
+    }
+    return commented_yaml(lines, content)
+
+
+def _matrix(values: Array, rows: int) -> dict[str, Any]:
+    flat = values.ravel().tolist()
+    return {"rows": rows, "cols": len(flat) // rows, "data": flat}
+
+
+CAMERA_INFO = Exporter("camera-info", "ROS CameraInfo YAML per camera", camera_info_texts, True)

@@ -23,7 +23,7 @@ def commands_page() -> str:
     parts = []
     for name, command in commands().items():
         text = re.sub(r"\s+", " ", command.help or "").strip()
-        table = "\n".join(["| | |", "|---|---|", *_rows(command)])
+        table = "\n".join(["| argument or option | |", "|---|---|", *_rows(command)])
         parts.append(f"## rigcal {name}\n\n{text}\n\n{table}")
     return "\n\n".join(parts) + "\n"
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import rigcal
-from rigcal.calibration import Calibration, SensorResult
+from rigcal.calibration import Calibration, JointCovariance, SensorResult
 from rigcal.cli import main
-from rigcal.comparison import LIMIT_SIGMAS
+from rigcal.comparison import LIMIT_SIGMAS, _changes
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -97,6 +97,19 @@ def test_covariance_of_a_chain_is_that_of_scattered_chains() -> None:
     scale = np.sqrt(np.outer(np.diag(scatter), np.diag(scatter)))
     stated = _in_root(Calibration("lidar", sensors), "b")
     assert np.abs((stated - scatter) / scale).max() < 0.04
+
+
+def test_what_two_sensors_err_together_does_not_hide_a_motion_between_them() -> None:
+    T, names = np.eye(4), ("a", "b", "c")
+    common, own = 1e-2 * np.eye(6), 1e-8 * np.eye(18)
+    joint = JointCovariance(names, np.kron(np.ones((3, 3)), common) + own)
+    sensors = {n: SensorResult("lidar", T, common) for n in names}
+    sensors["lidar"] = SensorResult("lidar", T)
+    before = Calibration("lidar", sensors, joint_covariance=joint)
+    shifted = replace(sensors["b"], T_parent_sensor=SHIFT)
+    after = replace(before, sensors={**sensors, "b": shifted})
+    assert rigcal.compare(before, after).moved == ()
+    assert _changes(before, after, "a", ["a", "b"])["b"].moved
 
 
 def test_nothing_moved_where_nothing_is_uncertain() -> None:

@@ -129,10 +129,13 @@ def _sigmas(T: Array, C: Array, name: str) -> float | None:
 
 
 def _covariance(calibration: Calibration, reference: str, name: str) -> Array:
-    """(6, 6) of `T_reference_name`, in the frame of `name`, from those of both in the root.
+    """(6, 6) of `T_reference_name`, in the frame of `name`.
 
-    They are taken as independent, which is on the safe side: what both saw together errs alike.
+    Where only covariances of single sensors are known they are taken as independent, which is on
+    the safe side: what both saw together errs alike.
     """
+    if calibration.joint_covariance is not None:
+        return calibration.covariance(reference, name)
     M = se3.adjoint(calibration.T(name, reference))
     C = _in_root(calibration, name) + M @ _in_root(calibration, reference) @ M.T
     return (C + C.T) / 2

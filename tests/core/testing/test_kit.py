@@ -128,6 +128,15 @@ def _fragile(message: Message, config: Any) -> Array:
     return frame
 
 
+def _too_sure(candidates: Any, mean: Any, config: Any, target: Any) -> Candidate:
+    surer = replace(mean.geometry, covariance=mean.geometry.covariance / 30)
+    return replace(candidates[0], geometry=surer)
+
+
+def _echo(frame: Array, config: Any, target: Any, T_s_t: Array) -> Detection:
+    return _detect(T_s_t[:3, 3], config, target)
+
+
 FAULTS: dict[str, tuple[SensorType, str]] = {
     "Jacobian": (_twisted(columns=lambda J: J * 1.01), "jacobian_is_the_derivative"),
     "whitening": (_twisted(rows=lambda r: r / 1.3), "residual_is_whitened"),
@@ -155,6 +164,15 @@ FAULTS: dict[str, tuple[SensorType, str]] = {
         replace(BEACON, decode=_fragile),
         "damaged_message_is_an_error_or_a_whole_answer",
     ),
+    "too sure": (
+        replace(BEACON, residual=None, combine=_too_sure),
+        "frames_together_know_more_and_not_too_much",
+    ),
+    "one for all": (
+        replace(BEACON, combine=lambda candidates, *_: candidates[0]),
+        "frames_together_know_more_and_not_too_much",
+    ),
+    "echo": (replace(BEACON, near=_echo), "second_look_shows_nothing_where_nothing_is"),
     "visibility": (
         replace(BEACON, sees=lambda p, _: p[:, 0] < 0),
         "board_out_of_view_leaves_no_trace",

@@ -13,10 +13,17 @@ from rigcal.testing.message_checks import MessageChecks
 from rigcal.testing.refine_checks import RefineChecks
 from rigcal.testing.residual_checks import ResidualChecks
 from rigcal.testing.simulator_checks import SimulatorChecks
+from rigcal.testing.stillness_checks import StillnessChecks
 
 
 class SensorConformance(
-    ConfigChecks, MessageChecks, ResidualChecks, RefineChecks, SimulatorChecks, EstimateChecks
+    ConfigChecks,
+    MessageChecks,
+    ResidualChecks,
+    RefineChecks,
+    StillnessChecks,
+    SimulatorChecks,
+    EstimateChecks,
 ):
     """Inherit it, name the sensor type and a config, and run pytest:
 
@@ -40,6 +47,9 @@ class SensorConformance(
       measurements are an ObservationError (`residual_checks`);
     - what its config can refine starts where the config says, comes back from `apply`, and moves
       the residual as its derivative claims (`refine_checks`);
+    - several frames of a board at rest know more together than one, and no more than is true; a
+      second look finds the board near the prediction, and nothing where none is
+      (`stillness_checks`);
     - the simulator has the configured noise, is repeatable, agrees with `sees`, and depends on
       relative poses only (`simulator_checks`);
     - a rig of this sensor and a reference is calibrated, and its covariance is true: the

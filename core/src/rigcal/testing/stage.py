@@ -108,7 +108,7 @@ class Stage:
         observed, or detected in frames.
         """
         parts = ["residual", "errors", "measured_at", "fit", "observe", "simulate", "encode"]
-        parts += ["sees", "view", "project"]
+        parts += ["sees", "view", "project", "combine", "near"]
         found = {part: getattr(cls.sensor_type, part, None) is not None for part in parts}
         found["refinable"] = bool(cls.sensor_type.refinable)
         found["extra_messages"] = cls.sensor_type.extra_messages is not None

@@ -137,10 +137,10 @@ class Lens:
             outer = tilted[:, :, None] * self._tilt[2, :2]
             J = ((self._tilt[:2, :2] - outer) / h[:, 2, None, None]) @ J
             xy = tilted
-        chain = np.zeros((len(p), 2, 3))
-        chain[:, 0, 0] = chain[:, 1, 1] = inverse_z
-        chain[:, 0, 2], chain[:, 1, 2] = -x * inverse_z, -y * inverse_z
-        return xy, J @ chain, valid & np.isfinite(xy).all(axis=1)
+        # By the point: J [I, -(x, y)] / z.
+        outer = -(J[..., 0] * x[:, None] + J[..., 1] * y[:, None])
+        J_point = np.concatenate([J, outer[..., None]], axis=2) * inverse_z[:, None, None]
+        return xy, J_point, valid & np.isfinite(xy).all(axis=1)
 
     def _rays_pinhole(self, xy: Array) -> Array:
         if self._tilt is not None:

@@ -34,8 +34,10 @@ def reprojection(lens: Lens, T_s_t: Array, p_t: Array, uv: Array) -> tuple[Array
     """
     R, t = T_s_t[..., :3, :3], T_s_t[..., :3, 3]
     predicted, J_point, valid = lens.pixels_from_points(np.einsum("...ij,...j->...i", R, p_t) + t)
-    J_translation = J_point @ R
-    J = np.concatenate([-J_translation @ se3.skew(p_t), J_translation], axis=2)
+    J = np.empty((len(p_t), 2, 6))
+    J[..., 3:] = J_point @ R
+    # a [p]x = a x p for a row a.
+    J[..., :3] = np.cross(p_t[:, None], J[..., 3:])
     return np.where(valid[:, None], predicted - uv, _UNSEEN_PX), J
 
 

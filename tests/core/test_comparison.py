@@ -119,6 +119,14 @@ def test_nothing_moved_where_nothing_is_uncertain() -> None:
     assert comparison.moved == ()
 
 
+def test_covariance_that_is_none_is_refused() -> None:
+    wrong = SensorResult("lidar", POSES["cam0"], np.diag([-1e-6, 1, 1, 1, 1, 1]))
+    sensors = {"lidar": SensorResult("lidar", np.eye(4)), "cam0": wrong}
+    calibration = Calibration("lidar", sensors)
+    with pytest.raises(ConfigError, match="covariance of sensor 'cam0' is not positive definite"):
+        rigcal.compare(calibration, calibration)
+
+
 def test_too_little_in_common_is_refused() -> None:
     other = _calibration({"rear": np.eye(4)})
     with pytest.raises(ConfigError, match="they share lidar"):

@@ -131,6 +131,13 @@ def test_registry_can_be_sent_to_another_process() -> None:
     assert registry.sensor_type("sonar") == SONAR
 
 
+def _failing_plugin() -> object:
+    def rigcal_commands() -> Sequence[Any]:
+        raise ZeroDivisionError("division by zero")
+
+    return SimpleNamespace(rigcal_commands=hookimpl(rigcal_commands))
+
+
 class _Untyped(SensorConfig, frozen=True):
     pass
 
@@ -153,6 +160,10 @@ class _Untyped(SensorConfig, frozen=True):
         (_sonar(message_types=".csv"), "expected a tuple of names"),
         (_sonar(detect=None), "detect is None, not a function"),
         (_sonar(residual=3), "residual is 3, not a function"),
+        (_sonar(effects=int), "effects is <class 'int'>, expected an Effects class"),
+        (_sonar(refinable={"lens": 1}), "refinable is {'lens': 1}, expected a Refinable by name"),
+        (_sonar(message_definitions={"a": 1}), "expected the text of a .msg file by ROS name"),
+        (_failing_plugin(), "rigcal_commands failed with ZeroDivisionError"),
         (_plugin("rigcal_target_types", [UNBUILT]), "build is 1, not a function"),
         (_plugin("rigcal_recording_formats", [_ping]), "expected a RecordingFormat"),
         (_plugin("rigcal_recording_formats", [replace(TAPE, open=".clf")]), "open is '.clf', not"),
@@ -191,10 +202,11 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
     """Install a distribution with one plugin module, as pip would lay it out."""
     monkeypatch.syspath_prepend(str(tmp_path))
 
-    def run(distribution: str, source: str, entry: str = "acme") -> None:
-        module = distribution.replace("-", "_")
-        (tmp_path / f"{module}.py").write_text(source)
-        info = tmp_path / f"{module}-1.2.dist-info"
+    def run(distribution: str, source: str, entry: str = "acme", module: str = "") -> None:
+        name = distribution.replace("-", "_")
+        module = module or name
+        (tmp_path / f"{name}.py").write_text(source)
+        info = tmp_path / f"{name}-1.2.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(
             f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.2\n"
@@ -265,6 +277,20 @@ def test_asked_for_commands_a_plugin_without_them_is_not_imported(install: Insta
     assert {"acme-ping", "acme-pong"} <= {p.distribution for p in registry.plugins}
 
 
+def test_an_entry_point_may_name_an_object_of_its_module(install: Install) -> None:
+    install("acme-plugin", OBJECT_SOURCE, module="acme_plugin:PLUGIN")
+    registry = Registry.from_entry_points(hooks=("rigcal_commands",))
+    assert "pong" in registry.commands
+
+
+OBJECT_SOURCE = """
+from rigcal.plugin import hookimpl
+def pong(): ...
+class Plugin:
+    @hookimpl
+    def rigcal_commands(self): return [("pong", pong)]
+PLUGIN = Plugin()
+"""
 COMMAND_SOURCE = """
 from rigcal.plugin import hookimpl
 def ping(): ...

@@ -191,5 +191,8 @@ def test_command_compares_with_the_poses_of_a_rig_file(tmp_path: Path, run: Any)
     rig.write_text(RIG.format(x=0.6))
     code, text, _ = run(tmp_path / "a.yaml", rig)
     assert (code, "Moved: cam1" in text) == (1, True)
+    code, text, error = run(rig, rig)
+    assert (code, "0.00" in text) == (2, True)
+    assert "neither has a covariance of cam1" in error
     code, _, error = run(tmp_path / "a.yaml", tmp_path / "none.yaml")
     assert (code, "no such file" in error) == (2, True)

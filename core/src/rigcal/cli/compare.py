@@ -25,12 +25,19 @@ def compare(
 ) -> None:
     """Tell which sensor moved between two calibrations; exit status 1 if one did."""
     from rigcal.comparison import compare as compare_all
+    from rigcal.errors import InputError
 
     comparison = compare_all(_load(before), _load(after))
     if json:
         print_json(_as_mapping(comparison))
     elif not quiet:
         _show(comparison)
+    unjudged = [name for name, change in comparison.sensors.items() if change.sigmas is None]
+    if unjudged:
+        raise InputError(
+            f"{before} and {after}: neither has a covariance of {', '.join(unjudged)}, by which a "
+            "motion could be told from noise; compare with a file that `rigcal calibrate` wrote"
+        )
     if comparison.moved:
         raise typer.Exit(1)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import rigcal
 from rigcal.calibration import Calibration, SensorResult
@@ -22,18 +23,29 @@ ELSEWHERE = {
     "other-doors.md": "test_other_doors.py",
     "ros2-node.md": "test_embedding_pages.py",
 }
+CAMERA = {
+    "type": "camera", "width_px": 640, "height_px": 480, "focal_px": [500.0, 500.0],
+    "principal_px": [319.5, 239.5],
+}  # fmt: skip
+RIG = {
+    "version": 1,
+    "root": "lidar",
+    "targets": {"board": {"type": "checkerboard", "columns": 8, "rows": 5, "square_size_m": 0.1}},
+    "sensors": {"lidar": {"type": "lrf3d"}, "cam0": CAMERA, "cam1": CAMERA},
+}
 
 
 @pytest.fixture
 def supplied(desk: Any) -> Any:
-    """A desk with two calibrations of one rig, which some pages begin from."""
+    """A desk with a rig and calibrations of it, which some pages begin from."""
     T = se3.exp(np.array([0.0, 0.3, 0.1, 0.1, 0.0, 0.2]))
     sensors = {
         "lidar": SensorResult("lidar", np.eye(4)),
         "cam0": SensorResult("lidar", T, 1e-6 * np.eye(6)),
         "cam1": SensorResult("lidar", se3.inverse(T), 1e-6 * np.eye(6)),
     }
-    for name in ("first", "second"):
+    (desk.folder / "rig.yaml").write_text(yaml.safe_dump(RIG))
+    for name in ("first", "second", "result"):
         path = desk.folder / name / "calibration.yaml"
         rigcal.save_calibration(path, Calibration("lidar", sensors))
     return desk

@@ -58,7 +58,8 @@ def finish(stages: Stages, method: Method, progress: Progress | None = None) -> 
     """The calibration by one method. Errors as of `calibrate`."""
     if stages.is_loose:
         first = start(stages)
-        _withhold(_judge(stages, first.edges, first.sensors, first.targets), method)
+        before = _judge(stages, first.edges, first.sensors, first.targets, provisional=True)
+        _withhold(before, method)
     result = solve(stages, method, progress)
     found = result.solution
     _check_used(stages.task, found, stages.fixed)
@@ -127,10 +128,13 @@ def _judge(
     sensors: Mapping[str, Array],
     targets: Mapping[str, Array],
     numbers: Numbers = NO_NUMBERS,
+    *,
+    provisional: bool = False,
 ) -> Verdict:
     task = stages.task
     flat = frozenset(name for name, kind in task.kinds.items() if kind.flat)
-    return judge(edges, sensors, targets, stages.fixed, task.rig.root, flat, numbers)
+    root, fixed = task.rig.root, stages.fixed
+    return judge(edges, sensors, targets, fixed, root, flat, numbers, provisional=provisional)
 
 
 def _withhold(verdict: Verdict, method: Method) -> None:

@@ -19,8 +19,8 @@ OPEN = np.array([np.radians(3.0)] * 3 + [0.15] * 3)
 WEAK = np.array([np.radians(0.5)] * 3 + [0.02] * 3)
 # In units of what is open: the most that a direction without information has.
 _UNKNOWN = 1e3
-# An open direction counts as if it were so wide: it makes an axis open of which it has a third,
-# and leaves one alone of which it has a trace.
+# An open direction counts as so many times what is open: it makes an axis open of which it has a
+# third, and leaves one alone of which it has a trace.
 _WIDEST = 3.0
 
 
@@ -32,17 +32,21 @@ def judge(
     root: str,
     flat: frozenset[str],
     numbers: Numbers = NO_NUMBERS,
+    *,
+    provisional: bool = False,
 ) -> Verdict:
     """The verdict on sensor poses `T_root_s` and target poses `T_root_t` as the edges fix them.
 
     `flat` names the sensors that look along a plane only. Poses are judged as seen from the root.
     If that leaves more sensors open than seen from another one, it is the root that hangs loosely,
-    and the other is the reference.
+    and the other is the reference. At `provisional` poses, which may be off in what is open, a weak
+    axis cannot be told from an open one, and counts as that.
     """
     names = [s for s in sensors if s not in fixed]
     information = known_information(edges, sensors, targets, fixed, numbers)
     joint = _covariance(information, len(names), len(numbers))
-    found = {r: _axes_from(r, sensors, names, joint) for r in (root, *names)}
+    limit = WEAK if provisional else OPEN
+    found = {r: _axes_from(r, sensors, names, joint, limit) for r in (root, *names)}
     opened = {
         r: sum(any(a.state == "open" for a in own) for own in found[r].values()) for r in found
     }
@@ -66,9 +70,16 @@ def _covariance(information: Array, sensors: int, numbers: int) -> Array:
 
 
 def _axes_from(
-    reference: str, sensors: Mapping[str, Array], names: Sequence[str], joint: Array
+    reference: str,
+    sensors: Mapping[str, Array],
+    names: Sequence[str],
+    joint: Array,
+    limit: Array,
 ) -> dict[str, tuple[Axis, ...]]:
-    """The axes of every other sensor in the reference's frame; `joint` is that of `names`."""
+    """The axes of every other sensor in the reference's frame; `joint` is that of `names`.
+
+    An axis is open beyond `limit` (6,).
+    """
     result = {}
     for sensor in sensors:
         if sensor == reference or (sensor not in names and reference not in names):
@@ -82,18 +93,16 @@ def _axes_from(
             at = 6 * names.index(reference)
             A = se3.adjoint(se3.inverse(sensors[sensor]) @ sensors[reference])
             rows[:, at : at + 6] -= A * OPEN / OPEN[:, None]
-        result[sensor] = _axes(rows @ joint @ rows.T)
+        result[sensor] = _axes(rows @ joint @ rows.T, limit)
     return result
 
 
-def _axes(covariance: Array) -> tuple[Axis, ...]:
+def _axes(covariance: Array, limit: Array) -> tuple[Axis, ...]:
     """Covariance (6, 6) in units of what is open -> the six axes."""
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
+    values, vectors = np.linalg.eigh(covariance * np.outer(OPEN / limit, OPEN / limit))
     narrowed = (vectors * np.clip(values, 0.0, _WIDEST**2)) @ vectors.T
-    sigma = np.sqrt(np.diagonal(narrowed))
+    sigma = np.sqrt(np.diagonal(narrowed)) * limit
     return tuple(
-        Axis("open", float("inf"))
-        if s >= 1
-        else Axis("weak" if s * unit > weak else "determined", float(s * unit))
-        for s, unit, weak in zip(sigma.tolist(), OPEN.tolist(), WEAK.tolist(), strict=True)
+        Axis("open", float("inf")) if s >= most else Axis("weak" if s > weak else "determined", s)
+        for s, most, weak in zip(sigma.tolist(), limit.tolist(), WEAK.tolist(), strict=True)
     )

@@ -1,6 +1,6 @@
 """A continuous recording against one frame per pose: exposures, frames, accuracy, cost.
 
-    uv run python bench/association.py DIR [--poses 30] [--seed 1] [--images 0.5] [--jobs 2]
+    uv run python bench/association.py DIR [--poses 30] [--images 0.5] [--light 0.3]
 
 Simulates the rig of examples/husky.yaml as people record: the board is carried and held still,
 cameras and 3D laser at 10 Hz, 2D lasers at 40 Hz, stamps off by up to 5 ms, hands that tremble.
@@ -42,9 +42,10 @@ def main():
     parser.add_argument("--poses", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--images", type=float, default=0.5, help="size of images and clouds")
+    parser.add_argument("--light", type=float, default=0.3, help="of the room; tags are missed")
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
-    write_inputs(options.out, options.images, options.poses)
+    write_inputs(options.out, options.images, options.poses, options.light)
     for mode in ("continuous", "one_frame"):
         if not (options.out / mode / "truth.yaml").exists():
             scenario, seed = options.out / f"{mode}.yaml", ("--seed", options.seed)
@@ -57,7 +58,7 @@ def rig_of(out):
     return out / "rig.yaml"
 
 
-def write_inputs(out, images, poses):
+def write_inputs(out, images, poses, light=0.3):
     """The rig with smaller images and clouds, and the two scenarios."""
     out.mkdir(parents=True, exist_ok=True)
     rig = yaml.safe_load((EXAMPLES / "husky.yaml").read_text())
@@ -77,13 +78,14 @@ def write_inputs(out, images, poses):
     scenario["recording"]["hold_s"] = 2.0
     rates = {"camera": 10.0, "lrf2d": 40.0, "lrf3d": 10.0}
     scenario["defaults"] = {kind: {"rate_hz": rate} for kind, rate in rates.items()}
-    scenario["defaults"]["camera"]["board_px_per_mm"] = 1.5
+    camera = {"board_px_per_mm": 1.5, "exposure": light}
+    scenario["defaults"]["camera"] |= camera
     scenario["sensors"] = {
         name: {"phase_s": 0.009 * i} for i, name in enumerate(rig["sensors"]) if i
     }
     (out / "continuous.yaml").write_text(yaml.safe_dump(scenario))
     del scenario["recording"], scenario["sensors"]
-    scenario["defaults"] = {"camera": {"board_px_per_mm": 1.5}}
+    scenario["defaults"] = {"camera": camera}
     (out / "one_frame.yaml").write_text(yaml.safe_dump(scenario))
 
 

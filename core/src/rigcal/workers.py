@@ -15,6 +15,8 @@ _T = TypeVar("_T")
 _R = TypeVar("_R")
 
 _AHEAD = 2
+_IDLE_S = 300
+"""Loky warns of workers that end while work is handed over; its 10 s pass on a busy machine."""
 
 
 def in_order(
@@ -34,7 +36,7 @@ def in_order(
     import cloudpickle
     from loky import get_reusable_executor
 
-    executor = get_reusable_executor(max_workers=jobs)
+    executor = get_reusable_executor(max_workers=jobs, timeout=_IDLE_S)
     data = cloudpickle.dumps(shared)  # of plugins that a script defines too
     left = iter(tasks)
     waiting = deque(executor.submit(_run, work, data, task) for task in islice(left, _AHEAD * jobs))

@@ -31,8 +31,8 @@ def test_a_rig_from_arrays_is_found(desk: Any, page: Any) -> None:
 
 
 CAMERA = {
-    "type": "camera", "width_px": 480, "height_px": 360, "focal_px": [400.0, 400.0],
-    "principal_px": [239.5, 179.5],
+    "type": "camera", "width_px": 320, "height_px": 240, "focal_px": [270.0, 270.0],
+    "principal_px": [159.5, 119.5],
 }  # fmt: skip
 SHIFT = se3.transform(np.eye(3), np.array([0.0, 0.02, 0.0]))
 BOARD = {

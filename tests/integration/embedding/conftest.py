@@ -14,8 +14,8 @@ BOARD = {
     "type": "apriltag_grid", "columns": 4, "rows": 3, "tag_size_m": 0.12, "tag_gap_m": 0.03,
 }  # fmt: skip
 SENSOR = {
-    "type": "camera", "width_px": 480, "height_px": 360, "focal_px": [400.0, 400.0],
-    "principal_px": [239.5, 179.5],
+    "type": "camera", "width_px": 320, "height_px": 240, "focal_px": [270.0, 270.0],
+    "principal_px": [159.5, 119.5],
 }  # fmt: skip
 RIG = {
     "version": 1,

@@ -56,16 +56,11 @@ def test_work_goes_on_in_the_same_processes_after_a_stop(
     assert [(o.sensor, o.exposure) for o in seen] == [(o.sensor, o.exposure) for o in observations]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_simulation_can_be_stopped(
-    rig: rigcal.Rig, registry: Any, tmp_path: Path, jobs: int
-) -> None:
+def test_simulation_can_be_stopped(rig: rigcal.Rig, registry: Any, tmp_path: Path) -> None:
     from rigcal_sim import simulate
 
     with pytest.raises(rigcal.Cancelled):
-        simulate(
-            rig, registry, None, 1, tmp_path, ("mcap", "bag"), _Stopper(2), poses=10, jobs=jobs
-        )
+        simulate(rig, registry, None, 1, tmp_path, ("mcap", "bag"), _Stopper(2), poses=10, jobs=2)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -141,7 +136,6 @@ rig = rigcal.load_rig(rig_file, registry)
 seen = rigcal.detect(rig, registry, recording, jobs=2)
 calibration = rigcal.calibrate(rig, registry, seen, seed=3)
 rigcal.save_calibration(out + "/calibration.yaml", calibration)
-rigcal.write_report(out + "/report.html", calibration, seen, rig, registry)
 """
 
 
@@ -153,4 +147,3 @@ def test_works_without_standard_streams(
     done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments])
     assert done.returncode == 0
     assert (tmp_path / "calibration.yaml").read_text() == alone
-    assert (tmp_path / "report.html").stat().st_size > 10_000

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.diagnosis.verdict import Axis, SensorVerdict, Verdict
 from rigcal.errors import InputError
 from rigcal.geometry import se3
 from rigcal.observation import Candidate, Detection, Observation, PointGeometry
@@ -127,6 +128,21 @@ def test_transforms_are_in_mm_and_deg_with_their_sigmas(text: str) -> None:
 def test_the_first_sentence_says_how_good_it_is(text: str) -> None:
     assert "2 sensors placed in the frame of a from 5 exposures" in text
     assert "least certain is b, to 6 mm and 0.17 deg (1 sigma)" in text
+
+
+def test_a_result_that_is_open_says_so_first_with_axis_and_cause(case: Case) -> None:
+    calibration, *others = case
+    axes = (Axis("open", np.inf), *[Axis("determined", 1e-3)] * 5)
+    verdict = Verdict("a", {"b": SensorVerdict(axes, ("all boards <are> parallel",), ("more",))})
+    sigmas = {"configured": np.full(6, 2e-3), "estimated": np.full(6, 4e-3)}
+    sensors = {"a": calibration.sensors["a"]}
+    sensors["b"] = replace(calibration.sensors["b"], sigmas=sigmas)
+    page = render(replace(calibration, sensors=sensors, verdict=verdict), *others)
+    assert re.search(r'class="headline">The data do not determine the pose of b\. Accepted', page)
+    assert "    not determined: rotation about x\n" in page
+    assert "because all boards &lt;are&gt; parallel" in page
+    numbers = [text for size in ("4", "2", "0.23", "0.11") for text in [size] * 3]
+    assert ["b", *numbers, "not determined"] in Cells(page).rows
 
 
 def test_fit_is_in_millimetres(text: str) -> None:

@@ -84,8 +84,8 @@ def rpy_from_rotation(R: Array) -> Array:
 
 
 def headline(calibration: Calibration) -> str:
-    """The result in one sentence."""
-    sensors = calibration.sensors
+    """The result in one sentence, after the verdict if that is that it is none."""
+    sensors, verdict = calibration.sensors, calibration.verdict
     exposures = len(calibration.target_poses)
     text = f"{len(sensors)} sensors placed in the frame of {calibration.root}"
     text += f" from {exposures} exposure{'s' * (exposures != 1)}" if exposures else ""
@@ -100,7 +100,10 @@ def headline(calibration: Calibration) -> str:
         text += (
             f"; least certain is {name}, to {millimetres:.3g} mm and {degrees:.2g} deg (1 sigma)"
         )
-    return text + "."
+    text += "."
+    return (
+        f"{verdict.summary} Accepted all the same: {text}" if verdict and verdict.withheld else text
+    )
 
 
 def transform_rows(calibration: Calibration) -> list[TransformRow]:

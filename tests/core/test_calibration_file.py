@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from rigcal.calibration import Calibration, GraphError, Rejection, ResidualStatistics, SensorResult
-from rigcal.calibration_file import calibration_text, load_calibration, save_calibration
+from rigcal.calibration_file import load_calibration, save_calibration
+from rigcal.calibration_text import calibration_text
 from rigcal.errors import ConfigError, InputError
 from rigcal.geometry import se3
 

@@ -7,7 +7,8 @@ import pytest
 
 import rigcal_camera
 import rigcal_lrf3d
-from rigcal.calibration_file import calibration_text, load_calibration, save_calibration
+from rigcal.calibration_file import load_calibration, save_calibration
+from rigcal.calibration_text import calibration_text
 from rigcal.errors import ConfigError, NotDeterminedError
 from rigcal.estimation import calibrate
 from rigcal.geometry import se3

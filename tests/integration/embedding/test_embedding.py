@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import rigcal
-from rigcal.calibration_file import calibration_text
+from rigcal.calibration_text import calibration_text
 
 
 class _Stopper:

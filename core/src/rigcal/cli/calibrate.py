@@ -186,7 +186,7 @@ def _observations(
 def _as_mapping(calibration: Calibration) -> dict[str, Any]:
     import yaml
 
-    from rigcal.calibration_file import calibration_text
+    from rigcal.calibration_text import calibration_text
 
     content: dict[str, Any] = yaml.safe_load(calibration_text(calibration))
     return content

@@ -44,7 +44,8 @@ def compare(
 
 def _load(path: Path) -> Calibration:
     """A calibration, or the poses of a rig."""
-    from rigcal.calibration_file import FORMAT, load_calibration
+    from rigcal.calibration_file import load_calibration
+    from rigcal.calibration_text import FORMAT
     from rigcal.comparison import calibration_of_poses
     from rigcal.document import read_document
     from rigcal.plugin.registry import Registry

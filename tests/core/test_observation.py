@@ -15,6 +15,7 @@ from rigcal.geometry import se3
 from rigcal.geometry.shapes import tangent_basis
 from rigcal.observation import (
     Candidate,
+    Detection,
     LineGeometry,
     Observation,
     PlaneGeometry,
@@ -91,6 +92,7 @@ def test_line_keeps_the_order_of_its_points() -> None:
         (lambda: PointGeometry.at([1, 2], [0, 0, 0], 0.01), "position is .*, expected three"),
         (lambda: PointGeometry.at([1, 2, 3], [0, 0, np.inf], 0.01), "target_point is .*, expected"),
         (lambda: PoseGeometry.of(np.eye(3), 0.01, 0.01), r"T_s_t has shape \(3, 3\)"),
+        (lambda: Detection(()), "must say why in `reason`"),
         (lambda: Observation.of("cam", "3"), "sensor 'cam', exposure '3': no geometry"),
     ],
 )

@@ -23,6 +23,10 @@ def _tape(accepts: Callable[[Path], bool], opened: Any = None, name: str = "tape
     return RecordingFormat(name, accepts, open_tape)
 
 
+def _denied(path: Path) -> bool:
+    raise PermissionError(13, "denied")
+
+
 def test_a_plugins_format_goes_before_the_built_in_ones(tmp_path: Path) -> None:
     (tmp_path / "tape.bin").write_text("1")
     tape = object()
@@ -42,6 +46,7 @@ def test_a_plugins_format_goes_before_the_built_in_ones(tmp_path: Path) -> None:
             "formats 'tape' and 'cassette' both take it for theirs; uninstall all but one",
         ),
         ([_tape(lambda path: 1 / 0)], "format 'tape' failed with ZeroDivisionError"),  # type: ignore
+        ([_tape(_denied)], "cannot be read: denied"),
         ([_tape(lambda path: True, KeyError("x"))], "format 'tape' failed with KeyError"),
         ([_tape(lambda path: True, RecordingError("torn"))], "^torn$"),
         ([_tape(lambda path: True, PermissionError(13, "denied"))], "cannot be read: denied"),

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import pickle
 import sqlite3
+import struct
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+    MessageDefinitionFormat,
+)
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from rigcal.errors import PluginError, RecordingError
 from rigcal.recording import Source, open_recording, ros
+from rigcal.recording.types import deserializer
 from rigcal.recording.writer import RecordingWriter
 
 SONAR, ECHO = "acme_msgs/msg/Sonar", "acme_msgs/msg/Echo"
@@ -74,3 +82,23 @@ def test_a_wrong_definition_or_type_is_named() -> None:
         ros.make(ECHO, {ECHO: "float64 5range"})
     with pytest.raises(RecordingError, match=r"'acme_msgs/msg/Ping' is not .* nor of the plugin"):
         ros.make("acme_msgs/msg/Ping", DEFINITIONS)
+
+
+IDL = "".join(
+    f"{'=' * 80}\nIDL: acme_msgs/msg/{name}\nmodule acme_msgs {{ module msg {{ {text} }}; }};\n"
+    for name, text in (
+        ("Ping", "struct Ping { double range; acme_msgs::msg::Note note; };"),
+        ("Note", "struct Note { string text; };"),
+    )
+)
+
+
+def test_a_bag_may_carry_its_types_as_idl() -> None:
+    """Some recorders write IDL in place of .msg text, several types one after the other."""
+    definition = MessageDefinition(MessageDefinitionFormat.IDL, IDL)
+    connection = Connection(
+        1, "/ping", "acme_msgs/msg/Ping", definition, "", 1, ConnectionExtRosbag2("cdr", []), None
+    )
+    cdr = struct.pack("<4sdI6s", bytes([0, 1, 0, 0]), 2.5, 6, b"hello\0")
+    message = deserializer([connection], 2, compressed=False)(cdr)
+    assert (message.range, message.note.text) == (2.5, "hello")

@@ -264,12 +264,22 @@ def test_every_truncation_is_noticed(tmp_path: Path, kind: str) -> None:
             read_cloud(_file(path))
 
 
+_PCD = (
+    b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\n"
+    b"POINTS 1\nDATA ascii\n1 2 3\n"
+)
+
+
 @pytest.mark.parametrize(
     ("suffix", "content", "says"),
     [
         (".pcd", _pcd("binary").partition(b"DATA")[0], "no line DATA"),
         (".pcd", _pcd("zipped"), "DATA zipped; expected ascii"),
         (".pcd", _pcd("ascii") + b"1 2 0 0 0 3 4\n", "says 50 points, the file holds 1"),
+        (".pcd", _PCD.replace(b"SIZE 4 4 4\n", b""), "the header has no line SIZE"),
+        (".pcd", _PCD.replace(b"WIDTH 1", b"WIDTH -1"), "WIDTH -1 is negative"),
+        (".pcd", _PCD.replace(b"SIZE 4 4 4", b"SIZE 4 4"), "have different lengths"),
+        (".pcd", _PCD.replace(b"TYPE F F F", b"TYPE F F X"), "z has TYPE X; expected F, I or U"),
         (".pcd", b"\x89PNG\r\n\x1a\n" * 9, "which PCD does not know"),
         (".bin", bytes(33), "33 bytes are not a multiple of 16"),
         (".csv", b"", "it is empty"),
@@ -304,3 +314,14 @@ def test_a_missing_file_and_another_type(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"a \.png is not a point cloud; expected one of sens"):
         read_cloud(_file(tmp_path / "image.png"))
     assert CLOUD_TYPES == (POINT_CLOUD2, ".pcd", ".ply", ".npy", ".csv", ".bin")
+
+
+def test_a_pcd_of_no_points_and_one_of_vectors(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.pcd"
+    path.write_bytes(_PCD.replace(b"WIDTH 1", b"WIDTH 0").replace(b"POINTS 1\n", b""))
+    assert len(read_cloud(_file(path))["x"]) == 0
+    vectors = _PCD.replace(b"x y z", b"x y z n").replace(b"4 4 4", b"4 4 4 4")
+    vectors = vectors.replace(b"F F F", b"F F F F").replace(b"1 1 1", b"1 1 1 2")
+    path.write_bytes(vectors.replace(b"1 2 3\n", b"1 2 3 0.5 0.25\n"))
+    cloud = read_cloud(_file(path))
+    assert (cloud["n_0"].tolist(), cloud["n_1"].tolist()) == ([0.5], [0.25])

@@ -70,12 +70,9 @@ def _solve_joint(stages: Stages, method: Method, progress: Progress | None) -> E
     task = stages.task
     selections, refused = _select(stages, filtered=method.filtered)
     if method.initial != "tree":
-        start, boards = stages.start(method), dict[str, Array]()
-        for k, selection in selections.items():
-            T_root_t = first_board(task.exposures[k], selection.chosen, start)
-            boards[k] = selection.T_root_t if T_root_t is None else T_root_t
-        found = joint.solve_robust(_edges(task, selections), start, boards, stages.fixed).sensors
-        # Some boards may have ended upside down: they are placed again by the sensors as found.
+        # Edges in metres lead from far off to where those in pixels and ranges are nearly linear.
+        graph = stages.graph(filtered=method.filtered)
+        found = msgcal.solve(graph, stages.start(method), stages.fixed).sensors
         stages = replace(stages, T_root=found)
         selections, refused = _select(stages, filtered=method.filtered)
     solution = estimate(

@@ -121,9 +121,13 @@ def _minimise(
     stack.check(state.T_s_t, numbers)
     damping, problem = _LEAST_DAMPING, "its steps do not end"
     for _ in range(_MOST_ITERATIONS):
-        step_s, step_t, step_n, promised = system.solve(
-            state.blocks, state.T_s_t, state.numbers, state.off_anchor, damping
-        )
+        try:
+            step_s, step_t, step_n, promised = system.solve(
+                state.blocks, state.T_s_t, state.numbers, state.off_anchor, damping
+            )
+        except RuntimeError:  # of GTSAM
+            problem = "its normal equations have no solution"
+            break
         T_root_s, T_root_t = state.T_root_s @ se3.exp(step_s), state.T_root_t @ se3.exp(step_t)
         trial = state_at(T_root_s, T_root_t, state.numbers.stepped(step_n))
         share = promised / (1 + state.chi2)

@@ -32,10 +32,11 @@ def __getattr__(name: str) -> Any:
 
 @hookimpl
 def rigcal_commands() -> list[tuple[str, Callable[..., Any]]]:
-    """`rigcal simulate` and `rigcal demo`."""
+    """`rigcal simulate`, `rigcal demo` and `rigcal experiment`."""
     from rigcal_sim.commands import demo, simulate
+    from rigcal_sim.experiment.command import experiment
 
-    return [("demo", demo), ("simulate", simulate)]
+    return [("demo", demo), ("experiment", experiment), ("simulate", simulate)]
 
 
 @hookimpl

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,3 +45,25 @@ def observe_boards(rig: Rig, registry: Registry, scenario: ScenarioConfig, seed:
             observations.append(Observation(name, str(k), 0, f"{name} {k}", found, "not in view"))
     T_root_w = se3.inverse(T_w_s[rig.root])
     return Features(tuple(observations), {str(k): T_root_w @ T for k, T in enumerate(boards.T_w_t)})
+
+
+def with_outliers(
+    observations: Sequence[Observation], share: float, rng: np.random.Generator
+) -> tuple[Observation, ...]:
+    """The observations, of every sensor's a share that belongs to other exposures.
+
+    It is as if the detector had taken something else for the board: what a sensor reports is a
+    board where none was, of the right kind and with the noise that it states: the one that it sees
+    in the next of the exposures that are chosen. At least two of a sensor's observations change
+    places, or none.
+    """
+    changed = list(observations)
+    for sensor in dict.fromkeys(o.sensor for o in observations):
+        own = [i for i, o in enumerate(observations) if o.sensor == sensor and o.candidates]
+        count = round(share * len(own))
+        if count < 2:
+            continue
+        chosen = sorted(rng.permutation(own)[:count].tolist())
+        for i, j in zip(chosen, [*chosen[1:], chosen[0]], strict=True):
+            changed[i] = replace(observations[i], candidates=observations[j].candidates)
+    return tuple(changed)

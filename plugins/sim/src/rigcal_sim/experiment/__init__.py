@@ -1,0 +1,1 @@
+"""The experiments of MSG-Cal (IROS 2015) on simulated and on recorded data."""

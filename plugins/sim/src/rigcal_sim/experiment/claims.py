@@ -1,0 +1,134 @@
+"""Which claims of MSG-Cal's study (Owens' dissertation, section 4.4.2) hold, in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rigcal.geometry.se3 import Array
+from rigcal_sim.experiment.run import Row, select
+
+_FORMULATIONS = ("msgcal", "joint")
+# Two starts are the same when their errors differ by less than this share.
+_SAME = 0.01
+# Without the filter the error is significantly larger from this factor on.
+_LARGER = 1.5
+
+
+def claims(rows: Sequence[Row]) -> list[str]:
+    """One line per claim, formulation, source and share of outliers."""
+    groups = list(dict.fromkeys((r.source, r.outliers) for r in rows))
+    lines = []
+    for source, outliers in groups:
+        own = [r for r in rows if (r.source, r.outliers) == (source, outliers)]
+        lines.append(
+            f"{source}, {100 * outliers:.0f} % outliers, {len({r.seed for r in own})} runs"
+        )
+        has_truth = bool(np.isfinite(select(own, "mean_translation_m")).any())
+        for formulation in _FORMULATIONS:
+            if has_truth:
+                lines.append(_variance(own, formulation))
+            lines.append(_graph_error(own, formulation))
+            lines.append(_initial(own, formulation, has_truth=has_truth))
+            lines.append(_filter(own, formulation, has_truth=has_truth))
+    for source in dict.fromkeys(source for source, _ in groups):
+        lines += _against_clean([r for r in rows if r.source == source])
+    return lines
+
+
+def _values(rows: Sequence[Row], column: str, **where: Any) -> Array:
+    values = np.array(select(rows, column, **where))
+    result: Array = values[np.isfinite(values)]
+    return result
+
+
+def _of(rows: Sequence[Row], formulation: str, column: str, **where: Any) -> Array:
+    where = {"filtered": True, "initial": "tree", **where}
+    return _values(rows, column, formulation=formulation, **where)
+
+
+def _verdict(claim: str, formulation: str, holds: bool, numbers: str) -> str:
+    return f"  ({claim}) {formulation}: {'holds' if holds else 'DOES NOT HOLD'}: {numbers}"
+
+
+def _variance(rows: Sequence[Row], formulation: str) -> str:
+    pairs, graph = (1e3 * _of(rows, f, "mean_translation_m") for f in ("pairwise", formulation))
+    pairs_deg, graph_deg = (
+        np.degrees(_of(rows, f, "mean_axis_rad")) for f in ("pairwise", formulation)
+    )
+    holds = _std(graph) < _std(pairs) and _std(graph_deg) < _std(pairs_deg)
+    return _verdict(
+        "i", formulation, holds,
+        f"pairwise {_spread(pairs)} mm and {_spread(pairs_deg, 4)} deg, "
+        f"graph {_spread(graph)} mm and {_spread(graph_deg, 4)} deg",
+    )  # fmt: skip
+
+
+def _graph_error(rows: Sequence[Row], formulation: str) -> str:
+    pairs, graph = (1e6 * _of(rows, f, "graph_error_m2") for f in ("pairwise", formulation))
+    holds = _mean(graph) < _mean(pairs) and _std(graph) < _std(pairs)
+    numbers = f"pairwise {_spread(pairs, 1)} mm^2, graph {_spread(graph, 1)} mm^2"
+    return _verdict("ii", formulation, holds, numbers)
+
+
+def _initial(rows: Sequence[Row], formulation: str, *, has_truth: bool) -> str:
+    column = "mean_translation_m" if has_truth else "graph_error_m2"
+    where = {"formulation": formulation, "filtered": True}
+    tree, identity = (
+        np.array(select(rows, column, initial=i, **where)) for i in ("tree", "identity")
+    )
+    failed = np.count_nonzero(~np.isfinite(identity))
+    if failed == len(identity):
+        return _verdict("iii", formulation, False, f"from the identity none of {failed} converged")
+    share = float(np.nanmax(np.abs(identity / tree - 1)))
+    numbers = f"errors differ by {100 * share:.2g} % at most"
+    if failed:
+        numbers += f"; {failed} of {len(identity)} did not converge from the identity, and said so"
+    return _verdict("iii", formulation, not failed and share < _SAME, numbers)
+
+
+def _filter(rows: Sequence[Row], formulation: str, *, has_truth: bool) -> str:
+    column, factor, unit = (
+        ("mean_translation_m", 1e3, "mm") if has_truth else ("graph_error_m2", 1e6, "mm^2")
+    )
+    kept, everything = (factor * _of(rows, formulation, column, filtered=f) for f in (True, False))
+    ratio = _mean(everything) / _mean(kept)
+    failed = len({r.seed for r in rows}) - len(everything)
+    numbers = f"filtered {_spread(kept)} {unit}, unfiltered {_spread(everything)} {unit}"
+    numbers += f" ({ratio:.3g} times)"
+    if failed:
+        numbers += f"; {failed} did not converge without the filter"
+    return _verdict("iv", formulation, bool(ratio > _LARGER) or not len(everything), numbers)
+
+
+def _against_clean(rows: Sequence[Row]) -> list[str]:
+    """The filtered and unfiltered error with outliers, over the filtered one without."""
+    lines: list[str] = []
+    if not np.isfinite(select(rows, "mean_translation_m", outliers=0.0)).any():
+        return lines
+    for share in sorted({r.outliers for r in rows if r.outliers}):
+        for formulation in _FORMULATIONS:
+            clean = _mean(_of(rows, formulation, "mean_translation_m", outliers=0.0))
+            kept, everything = (
+                _mean(_of(rows, formulation, "mean_translation_m", outliers=share, filtered=f))
+                for f in (True, False)
+            )
+            lines.append(
+                f"{rows[0].source}, {100 * share:.0f} % outliers over none, {formulation}: "
+                f"filtered {kept / clean:.3g} times, unfiltered {everything / clean:.3g} times"
+            )
+    return lines
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def _std(values: Array) -> float:
+    return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
+
+
+def _spread(values: Array, digits: int = 3) -> str:
+    return f"{_mean(values):.{digits}f} +- {_std(values):.{digits}f}"

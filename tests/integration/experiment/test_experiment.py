@@ -1,0 +1,45 @@
+"""`rigcal experiment msgcal` from the command line."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from rigcal.cli import main
+
+HERE = Path(__file__).parent
+RIG = HERE.parent / "pipeline" / "cart.yaml"
+SCENARIO = HERE.parent / "pipeline" / "scenario.yaml"
+
+
+def rigcal(*arguments):
+    with pytest.raises(SystemExit) as end:
+        main([str(a) for a in arguments])
+    return end.value.code
+
+
+def test_a_study_of_one_run(tmp_path, capsys):
+    given = ("--scenario", SCENARIO, "--runs", 1, "--outliers", 0, "--jobs", 1, "--json")
+    assert rigcal("experiment", "msgcal", RIG, "--out", tmp_path, *given) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert all(Path(path).exists() for path in answer["files"])
+    with (tmp_path / "runs.csv").open() as file:
+        rows = {(r["formulation"], r["filtered"], r["initial"]): r for r in csv.DictReader(file)}
+    assert len(rows) == 7
+    for row in rows.values():
+        assert not row["problem"]
+        assert 0 < float(row["mean_translation_m"]) < 0.01
+        assert float(row["graph_error_m2"]) > 0
+    tree, start = (
+        float(rows["joint", "True", i]["mean_translation_m"]) for i in ("tree", "identity")
+    )
+    assert start == pytest.approx(tree, rel=1e-2)
+    with (tmp_path / "sensors.csv").open() as file:
+        assert {r["sensor"] for r in csv.DictReader(file)} == {"left", "right", "scan"}
+
+
+def test_a_recording_is_not_simulated(tmp_path, capsys):
+    given = ("--data", tmp_path / "x.npz", "--raw-runs", 2, "--out", tmp_path)
+    assert rigcal("experiment", "msgcal", RIG, *given) == 2
+    assert "leave out --scenario and --raw-runs" in capsys.readouterr().err

@@ -9,7 +9,7 @@ import pytest
 
 from rigcal.observation import Candidate, Observation, PointGeometry
 from rigcal_sim.experiment.claims import claims
-from rigcal_sim.experiment.run import METHODS, Row
+from rigcal_sim.experiment.run import METHODS, Row, of_method
 from rigcal_sim.experiment.source import Recorded
 from rigcal_sim.experiment.study import Study, write_study
 from rigcal_sim.features import with_outliers
@@ -54,7 +54,7 @@ def rows_of(runs, errors, outliers=0.0, source="features"):
     for seed in range(runs):
         rng = np.random.default_rng(seed)
         head = Row(source, outliers, seed, "pairwise", True, "tree")
-        for row in (head, *(replace(head, **vars(m)) for m in METHODS)):
+        for row in (head, *(of_method(head, m) for m in METHODS)):
             mean, spread = errors.get((row.formulation, row.filtered), (0.001, 1e-6))
             if mean is None:
                 rows.append(replace(row, problem="did not converge"))

@@ -102,13 +102,20 @@ def run(setting: Setting, task: Run) -> tuple[list[Row], list[SensorRow]]:
     graph = stages.graph()
     rows, sensor_rows = _judge(head, pairwise_calibration(stages), graph, source.truth)
     for method in METHODS:
-        row = replace(head, **vars(method))
+        row = of_method(head, method)
         try:
             more, of_sensors = _judge(row, finish(stages, method), graph, source.truth)
         except RigcalError as error:
             more, of_sensors = [replace(row, problem=str(error))], []
         rows, sensor_rows = rows + more, sensor_rows + of_sensors
     return rows, sensor_rows
+
+
+def of_method(row: Row, method: Method) -> Row:
+    """The row, as one of a method."""
+    return replace(
+        row, formulation=method.formulation, filtered=method.filtered, initial=method.initial
+    )
 
 
 def _generator(task: Run) -> np.random.Generator:

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from rigcal.plugin.registry import Registry
     from rigcal.printing import write_target_page
     from rigcal.progress import Progress
+    from rigcal.proposal import propose_rig
     from rigcal.recording.message import Message
     from rigcal.report import write_report
     from rigcal.rig import Rig, build_targets, load_rig, parse_rig, rig_schema
@@ -79,6 +80,7 @@ _HOME = {
     "look_again": "second_look",
     "new_plugin": "skeleton",
     "parse_rig": "rig",
+    "propose_rig": "proposal",
     "rig_schema": "rig",
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
@@ -121,6 +123,7 @@ __all__ = [
     "look_again",
     "new_plugin",
     "parse_rig",
+    "propose_rig",
     "rig_schema",
     "save_calibration",
     "save_observations",

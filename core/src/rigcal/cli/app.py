@@ -17,6 +17,7 @@ from rigcal.cli.detect import detect
 from rigcal.cli.evaluate import evaluate
 from rigcal.cli.export import export
 from rigcal.cli.fuse import fuse
+from rigcal.cli.init import init
 from rigcal.cli.new_plugin import new_plugin
 from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
@@ -25,6 +26,7 @@ from rigcal.errors import RigcalError
 from rigcal.plugin.registry import Registry
 
 _COMMANDS: dict[str, Callable[..., Any]] = {
+    "init": init,
     "detect": detect,
     "calibrate": calibrate,
     "evaluate": evaluate,

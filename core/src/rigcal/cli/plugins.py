@@ -23,6 +23,7 @@ def plugins(json: Json = False) -> None:
                 "target_types": sorted(registry.target_types),
                 "recording_formats": sorted(registry.recording_formats),
                 "exporters": sorted(registry.exporters),
+                "importers": sorted(registry.importers),
                 "commands": sorted(registry.commands),
                 "schemas": sorted(registry.schemas),
             }

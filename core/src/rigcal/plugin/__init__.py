@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rigcal.errors import ObservationError, RecordingError
     from rigcal.exporting.exporter import Exported, Exporter
     from rigcal.geometry.se3 import Array
+    from rigcal.importing.importer import Imported, Importer
     from rigcal.observation import (
         Candidate,
         Detection,
@@ -48,6 +49,7 @@ _HOMES = {
     "errors": ("ObservationError", "RecordingError"),
     "exporting.exporter": ("Exported", "Exporter"),
     "geometry.se3": ("Array",),
+    "importing.importer": ("Imported", "Importer"),
     "observation": (
         "Candidate",
         "Detection",
@@ -82,6 +84,8 @@ __all__ = [
     "Exporter",
     "FileSchema",
     "FrameView",
+    "Imported",
+    "Importer",
     "LineGeometry",
     "MeanGeometry",
     "Message",

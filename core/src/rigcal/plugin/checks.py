@@ -51,6 +51,12 @@ def _check_sensor(sensor: Any) -> None:
         raise PluginError(
             f"sensor type '{sensor.name}': refinable is {offered!r}, expected a Refinable by name"
         )
+    described = sensor.describes
+    if not (isinstance(described, Mapping) and all(callable(d) for d in described.values())):
+        raise PluginError(
+            f"sensor type '{sensor.name}': describes is {described!r}, expected a function by ROS "
+            "name"
+        )
     for part, function in vars(sensor).items():
         optional = SensorType.__dataclass_fields__[part].default is None
         if part not in _DATA_FIELDS and not (callable(function) or (optional and not function)):
@@ -60,7 +66,7 @@ def _check_sensor(sensor: Any) -> None:
 
 
 _DATA_FIELDS = {"name", "config", "message_types", "message_definitions", "unit", "message_type"}
-_DATA_FIELDS |= {"contract", "effects", "flat", "angular", "refinable"}
+_DATA_FIELDS |= {"contract", "describes", "effects", "flat", "angular", "refinable"}
 
 
 def _check_target(target: Any) -> None:
@@ -90,6 +96,15 @@ def _check_exporter(exporter: Any) -> None:
         raise PluginError(f"rigcal_exporters offers {_shown(exporter)}, expected an Exporter")
     _check_name("exporter", exporter.name)
     _check_functions("exporter", exporter, ("text",))
+
+
+def _check_importer(importer: Any) -> None:
+    from rigcal.importing.importer import Importer
+
+    if not isinstance(importer, Importer):
+        raise PluginError(f"rigcal_importers offers {_shown(importer)}, expected an Importer")
+    _check_name("importer", importer.name)
+    _check_functions("importer", importer, ("read",))
 
 
 def _check_command(command: Any) -> None:
@@ -123,6 +138,7 @@ CHECKS: dict[str, Callable[[Any], None]] = {
     "rigcal_target_types": _check_target,
     "rigcal_recording_formats": _check_format,
     "rigcal_exporters": _check_exporter,
+    "rigcal_importers": _check_importer,
     "rigcal_commands": _check_command,
     "rigcal_schemas": _check_schema,
 }

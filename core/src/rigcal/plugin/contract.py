@@ -202,6 +202,7 @@ MeasuredAt = Callable[[Candidate, Any, Target, Array], Array]
 View = Callable[[Message, Any], FrameView]
 Combine = Callable[[Sequence[Candidate], MeanGeometry, Any, Target], Candidate]
 Near = Callable[[Frame, Any, Target, Array], Detection]
+Describe = Callable[[Any], Mapping[str, Any]]
 Project = Callable[[Array, Any], tuple[Array, NDArray[np.bool_]]]
 
 
@@ -250,6 +251,10 @@ class SensorType:
                     its `view`, and which (N,) are in it; for sensors that make images
     angular         whether it measures directions only: a target s times as large and s times as
                     far looks the same to it
+    describes       by ROS name of a message type, its own or one that is published beside it (a
+                    camera's CameraInfo): (message) -> the fields of its config that the message
+                    fills in; `rigcal init` asks for it. ConfigError for a message that cannot be
+                    used
     refinable       numbers of its config that the data may refine, by the name that `refine` lists;
                     its residuals are then `RefinableResidual`
     """
@@ -279,5 +284,6 @@ class SensorType:
     combine: Combine | None = None
     near: Near | None = None
     message_definitions: Definitions = field(default_factory=dict, hash=False)
+    describes: Mapping[str, Describe] = field(default_factory=dict, hash=False)
     contract: int = CONTRACT_VERSION
     fit: Fit | None = None

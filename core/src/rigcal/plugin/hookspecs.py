@@ -16,6 +16,7 @@ import pluggy
 
 if TYPE_CHECKING:
     from rigcal.exporting.exporter import Exporter
+    from rigcal.importing.importer import Importer
     from rigcal.plugin.contract import SensorType
     from rigcal.plugin.offer import Command, FileSchema
     from rigcal.recording.format import RecordingFormat
@@ -44,6 +45,11 @@ def rigcal_recording_formats() -> Sequence[RecordingFormat]:  # type: ignore[emp
 @hookspec
 def rigcal_exporters() -> Sequence[Exporter]:  # type: ignore[empty-body]
     """Formats that may follow `rigcal export --format`."""
+
+
+@hookspec
+def rigcal_importers() -> Sequence[Importer]:  # type: ignore[empty-body]
+    """Formats that `rigcal init --from` reads."""
 
 
 @hookspec

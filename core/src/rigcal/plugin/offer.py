@@ -18,6 +18,7 @@ KINDS = {
     "rigcal_target_types": "target type",
     "rigcal_recording_formats": "recording format",
     "rigcal_exporters": "exporter",
+    "rigcal_importers": "importer",
     "rigcal_commands": "command",
     "rigcal_schemas": "schema",
 }

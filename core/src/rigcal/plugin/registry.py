@@ -15,6 +15,7 @@ from rigcal.plugin.offer import HOOKS, KINDS, Offer, collect, in_words
 
 if TYPE_CHECKING:
     from rigcal.exporting.exporter import Exporter
+    from rigcal.importing.importer import Importer
     from rigcal.plugin.contract import SensorType
     from rigcal.recording.format import RecordingFormat
     from rigcal.targets.target import TargetType
@@ -78,6 +79,12 @@ class _Builtin:
         from rigcal.exporting import BUILTIN_EXPORTERS
 
         return BUILTIN_EXPORTERS
+
+    @hookimpl
+    def rigcal_importers(self) -> tuple[Importer, ...]:
+        from rigcal.importing import BUILTIN_IMPORTERS
+
+        return BUILTIN_IMPORTERS
 
 
 class _Table(Generic[_T]):
@@ -183,6 +190,11 @@ class Registry:
     def exporters(self) -> Mapping[str, Exporter]:
         """By name, the built-in ones first."""
         return dict(self._tables["rigcal_exporters"].entries)
+
+    @property
+    def importers(self) -> Mapping[str, Importer]:
+        """By name, the built-in ones first."""
+        return dict(self._tables["rigcal_importers"].entries)
 
     @property
     def commands(self) -> Mapping[str, Callable[..., Any]]:

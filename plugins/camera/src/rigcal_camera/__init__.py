@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.geometry.se3 import Array
-from rigcal.plugin import Exporter, SensorType, hookimpl
+from rigcal.plugin import Exporter, Importer, SensorType, hookimpl
 from rigcal_camera.combine import combine
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.detector import detect, fit, observe
 from rigcal_camera.effects import CameraEffects
-from rigcal_camera.exchange import EXPORTERS
+from rigcal_camera.exchange import EXPORTERS, IMPORTERS
+from rigcal_camera.exchange.camera_info import describe_camera_info
 from rigcal_camera.frames import COMPRESSED, FILE_TYPES, IMAGE, decode, view
 from rigcal_camera.lens import Lens, lens_of
-from rigcal_camera.messages import camera_info, encode, transport
+from rigcal_camera.messages import INFO, camera_info, encode, transport
 from rigcal_camera.near import near
 from rigcal_camera.refine import LENS
 from rigcal_camera.residual import ReprojectionResidual, errors, make_residual, measured_at
@@ -48,7 +49,11 @@ def _extra_messages(
     config: CameraConfig, stamp_ns: int, frame_id: str
 ) -> dict[str, tuple[str, Any]]:
     message = camera_info(config, stamp_ns, frame_id)
-    return {"camera_info": ("sensor_msgs/msg/CameraInfo", message)}
+    return {"camera_info": (INFO, message)}
+
+
+def _size(message: Any) -> dict[str, Any]:
+    return {"width_px": int(message.width), "height_px": int(message.height)}
 
 
 def _sees(points: Array, config: CameraConfig) -> NDArray[np.bool_]:
@@ -83,6 +88,7 @@ CAMERA = SensorType(
     view=view,
     project=_project,
     fit=fit,
+    describes={IMAGE: _size, INFO: describe_camera_info},
     angular=True,
     refinable={"lens": LENS},
 )
@@ -98,3 +104,9 @@ def rigcal_sensor_types() -> Sequence[SensorType]:
 def rigcal_exporters() -> Sequence[Exporter]:
     """Files of other tools that hold lenses."""
     return EXPORTERS
+
+
+@hookimpl
+def rigcal_importers() -> Sequence[Importer]:
+    """Files of other tools that hold lenses."""
+    return IMPORTERS

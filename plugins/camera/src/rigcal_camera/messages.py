@@ -10,6 +10,8 @@ from rigcal_camera.config import CameraConfig
 from rigcal_camera.effects import CameraEffects
 from rigcal_camera.frames import COMPRESSED, IMAGE, Image
 
+INFO = "sensor_msgs/msg/CameraInfo"
+
 
 def encode(image: Image, config: CameraConfig, stamp_ns: int, frame_id: str) -> Any:
     """A mono8 sensor_msgs/msg/Image."""
@@ -68,7 +70,7 @@ def camera_info(config: CameraConfig, stamp_ns: int, frame_id: str) -> Any:
         name, length = "rational_polynomial", count
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     return ros.make(
-        "sensor_msgs/msg/CameraInfo",
+        INFO,
         header=ros.header(stamp_ns, frame_id),
         height=config.height_px,
         width=config.width_px,

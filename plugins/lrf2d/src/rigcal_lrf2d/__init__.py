@@ -7,7 +7,7 @@ from rigcal.plugin.contract import SensorType
 from rigcal.ranging import RANGE_BIAS, RangeEffects
 from rigcal_lrf2d.combine import combine
 from rigcal_lrf2d.config import Lrf2dConfig
-from rigcal_lrf2d.decode import MESSAGE_TYPES, decode, view
+from rigcal_lrf2d.decode import LASER_SCAN, MESSAGE_TYPES, decode, describe, view
 from rigcal_lrf2d.detector import detect
 from rigcal_lrf2d.fit import fit
 from rigcal_lrf2d.near import near
@@ -38,6 +38,7 @@ LRF2D = SensorType(
     flat=True,
     view=view,
     fit=fit,
+    describes={LASER_SCAN: describe},
     refinable={"range_bias": RANGE_BIAS},
 )
 

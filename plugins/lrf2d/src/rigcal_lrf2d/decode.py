@@ -56,6 +56,17 @@ def view(message: Message, config: Lrf2dConfig) -> FrameView:
     return FrameView(points=scan.ranges[seen, None] * directions(scan.angles[seen]))
 
 
+def describe(message: Any) -> dict[str, Any]:
+    """The angles of a LaserScan as fields of a config; none if they are no scan anticlockwise."""
+    low, high, step = (
+        round(float(np.degrees(value)), 4)
+        for value in (message.angle_min, message.angle_max, message.angle_increment)
+    )
+    if not 0 < step < high - low <= 360:
+        return {}
+    return {"angle_min_deg": low, "angle_max_deg": high, "angle_step_deg": step}
+
+
 def _from_laser_scan(message: Message, config: Lrf2dConfig) -> Scan:
     """Beam i at `angle_min + i * angle_increment`, as the ROS message defines it.
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from rigcal.exporting.text import commented_yaml
 from rigcal.geometry.se3 import Array
-from rigcal.plugin import Calibration, Exporter, Rig
+from rigcal.plugin import Calibration, Exporter, Imported, Importer, Rig
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.exchange.cameras import cameras_of
+from rigcal_camera.exchange.lens import lens_fields
+from rigcal_camera.exchange.mapping import mapping_in
 from rigcal_camera.messages import camera_info
 
 
@@ -44,4 +48,29 @@ def _matrix(values: Array, rows: int) -> dict[str, Any]:
     return {"rows": rows, "cols": len(flat) // rows, "data": flat}
 
 
+def describe_camera_info(message: Any) -> dict[str, Any]:
+    """Fields of a camera's config from a CameraInfo of ROS 2, or of ROS 1 (K and D there)."""
+    K = message.k if hasattr(message, "k") else message.K
+    D = message.d if hasattr(message, "d") else message.D
+    size = (message.width, message.height)
+    return lens_fields(message.distortion_model, np.reshape(K, (3, 3)), D, size)
+
+
+def read_camera_info(text: str, stem: str) -> Imported | None:
+    """The lens in a file of camera_info_manager."""
+    content = mapping_in(text)
+    matrix = content.get("camera_matrix")
+    if not isinstance(matrix, dict) or "image_width" not in content:
+        return None
+    K, D = (
+        np.array(content.get(key, {}).get("data", []), dtype=np.float64)
+        for key in ("camera_matrix", "distortion_coefficients")
+    )
+    size = (content["image_width"], content.get("image_height", 0))
+    model = str(content.get("distortion_model", ""))
+    fields = lens_fields(model, K.reshape(3, 3) if K.size == 9 else K, D.tolist(), size)
+    return Imported({str(content.get("camera_name", stem)): fields})
+
+
+CAMERA_INFO_FILE = Importer("camera-info", "ROS CameraInfo YAML: a lens", read_camera_info)
 CAMERA_INFO = Exporter("camera-info", "ROS CameraInfo YAML per camera", camera_info_texts, True)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from rigcal.errors import ConfigError
+from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.plugin import Calibration, Exporter, Rig
+from rigcal.plugin import Calibration, Exporter, Imported, Importer, Rig
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.exchange.cameras import cameras_of
+from rigcal_camera.exchange.lens import lens_fields
 
 
 def opencv_texts(calibration: Calibration, rig: Rig | None) -> Mapping[str, str]:
@@ -54,4 +58,38 @@ def _text(T_camera_root: Array, root: str, config: CameraConfig) -> str:
     return text
 
 
+def read_opencv(text: str, stem: str) -> Imported | None:
+    """The lens in a FileStorage of one camera, called by the stem; its pose if `root` is there.
+
+    The keys are those of OpenCV's own samples: `camera_matrix`, `distortion_coefficients`,
+    `image_width`, `image_height`, `fisheye_model`.
+    """
+    if "!!opencv-matrix" not in text:
+        return None
+    import cv2
+
+    try:
+        file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except cv2.error as error:
+        raise ConfigError(f"OpenCV cannot read it: {error.err}") from error
+    K, D = _matrix(file, "camera_matrix"), _matrix(file, "distortion_coefficients")
+    if K is None or D is None:
+        raise ConfigError("expected camera_matrix and distortion_coefficients of one camera")
+    width, height = (int(file.getNode(f"image_{key}").real()) for key in ("width", "height"))
+    fisheye = file.getNode("fisheye_model").real() == 1
+    model = "fisheye" if fisheye else file.getNode("distortion_model").string()
+    sensors = {stem: lens_fields(model, K, D.ravel().tolist(), (width, height))}
+    root, R, T = file.getNode("root").string(), _matrix(file, "R"), _matrix(file, "T")
+    if not root or R is None or T is None:
+        return Imported(sensors)
+    T_root_camera = se3.inverse(se3.transform(se3.nearest_rotation(R), T.ravel()))
+    return Imported(sensors, {stem: (root, T_root_camera)})
+
+
+def _matrix(file: Any, key: str) -> Array | None:
+    node = file.getNode(key)
+    return None if node.empty() else np.asarray(node.mat(), dtype=np.float64)
+
+
+OPENCV_FILE = Importer("opencv", "OpenCV FileStorage of one camera: a lens", read_opencv)
 OPENCV = Exporter("opencv", "OpenCV FileStorage: lens and pose per camera", opencv_texts, True)

@@ -43,8 +43,8 @@ def sensors_in(recording: Recording, registry: Registry) -> tuple[list[Found], l
         if len(own) == 1:
             kinds[topic] = own[0]
         elif own:
-            names = " or ".join(kind.name for kind in own)
-            unsure.append(f"{topic} ({message_type}) may be a {names}: add it by hand")
+            choices = " or ".join(kind.name for kind in own)
+            unsure.append(f"{topic} ({message_type}) may be a {choices}: add it by hand")
     kinds = {t: kind for t, kind in kinds.items() if not _is_copy(t, kind, kinds)}
     names = _names(list(kinds))
     found = [

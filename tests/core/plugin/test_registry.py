@@ -13,9 +13,11 @@ import pytest
 
 from rigcal.errors import PluginError
 from rigcal.exporting import BUILTIN_EXPORTERS
+from rigcal.importing import BUILTIN_IMPORTERS
 from rigcal.observation import Detection
 from rigcal.plugin import (
     Exporter,
+    Importer,
     RecordingFormat,
     Registry,
     SensorConfig,
@@ -62,6 +64,7 @@ _turn.__annotations__["angle"] = "Angle"
 SONAR = SensorType("sonar", SonarConfig, (".csv",), _decode, _detect)
 DISC = TargetType("disc", DiscConfig, _build)
 TAPE = RecordingFormat("tape", bool, FolderRecording)  # type: ignore[arg-type]
+NOTES = Importer("notes", "lines", lambda text, stem: None)
 LIST = Exporter("list", "names", lambda calibration, rig: ", ".join(calibration.sensors))
 UNBUILT = TargetType("disc", DiscConfig, 1)  # type: ignore[arg-type]
 
@@ -99,6 +102,12 @@ def test_rigcal_recording_formats_are_collected_beside_the_built_in_ones() -> No
     registry = Registry([_plugin("rigcal_recording_formats", [TAPE])])
     assert list(registry.recording_formats) == ["bag", "folder", "tape"]
     assert registry.plugins[1].offers == "recording format tape"
+
+
+def test_rigcal_importers_are_collected_beside_the_built_in_ones() -> None:
+    registry = Registry([_plugin("rigcal_importers", [NOTES])])
+    assert registry.importers["notes"] is NOTES
+    assert set(registry.importers) == {"notes", *(i.name for i in BUILTIN_IMPORTERS)}
 
 
 def test_rigcal_exporters_are_collected_beside_the_built_in_ones() -> None:
@@ -167,6 +176,9 @@ class _Untyped(SensorConfig, frozen=True):
         (_plugin("rigcal_target_types", [UNBUILT]), "build is 1, not a function"),
         (_plugin("rigcal_recording_formats", [_ping]), "expected a RecordingFormat"),
         (_plugin("rigcal_recording_formats", [replace(TAPE, open=".clf")]), "open is '.clf', not"),
+        (_plugin("rigcal_importers", [NOTES.read]), "expected an Importer"),
+        (_plugin("rigcal_importers", [replace(NOTES, read="a")]), "read is 'a', not a function"),
+        (_sensors(replace(SONAR, describes={"a/msg/B": 3})), "describes is {'a/msg/B': 3}, exp"),
         (_plugin("rigcal_exporters", [LIST.text]), "expected an Exporter"),
         (_plugin("rigcal_exporters", [replace(LIST, name="My list")]), "'My list': a name has"),
         (_plugin("rigcal_exporters", [replace(LIST, text="a, b")]), "text is 'a, b', not a func"),

@@ -73,19 +73,23 @@ PAIRS = {("pairwise", True): (0.002, 1e-4)}
 
 
 def test_claims_that_hold():
-    text = "\n".join(claims(rows_of(10, PAIRS | {("msgcal", False): (0.01, 1e-3)})))
-    assert "features, 0 % outliers, 10 runs" in text
+    text = "\n".join(claims(rows_of(10, PAIRS | {("msgcal", False): (0.01, 1e-3)}, 0.2)))
+    assert "features, 20 % outliers, 10 runs" in text
     for claim in ("i", "ii", "iii", "iv"):
         assert f"({claim}) msgcal: holds" in text
     assert "(iv) joint: DOES NOT HOLD" in text
 
 
 def test_claims_that_do_not():
-    rows = rows_of(10, {("pairwise", True): (0.0005, 1e-6), ("joint", False): (None, 0)})
+    rows = rows_of(10, {("pairwise", True): (0.0005, 1e-6), ("joint", False): (None, 0)}, 0.2)
     text = "\n".join(claims(rows))
     assert "(i) msgcal: DOES NOT HOLD" in text
     assert "(ii) joint: DOES NOT HOLD" in text
-    assert "10 did not converge without the filter" in text
+    assert "unfiltered none of 10 converged" in text
+
+
+def test_without_outliers_there_is_nothing_to_filter():
+    assert "(iv)" not in "\n".join(claims(rows_of(10, PAIRS)))
 
 
 def test_a_start_that_fails_is_counted():

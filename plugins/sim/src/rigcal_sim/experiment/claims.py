@@ -32,7 +32,8 @@ def claims(rows: Sequence[Row]) -> list[str]:
                 lines.append(_variance(own, formulation))
             lines.append(_graph_error(own, formulation))
             lines.append(_initial(own, formulation, has_truth=has_truth))
-            lines.append(_filter(own, formulation, has_truth=has_truth))
+            if outliers or not has_truth:  # else there is nothing to filter
+                lines.append(_filter(own, formulation, has_truth=has_truth))
     for source in dict.fromkeys(source for source, _ in groups):
         lines += _against_clean([r for r in rows if r.source == source])
     return lines
@@ -94,13 +95,15 @@ def _filter(rows: Sequence[Row], formulation: str, *, has_truth: bool) -> str:
         ("mean_translation_m", 1e3, "mm") if has_truth else ("graph_error_m2", 1e6, "mm^2")
     )
     kept, everything = (factor * _of(rows, formulation, column, filtered=f) for f in (True, False))
-    ratio = _mean(everything) / _mean(kept)
+    numbers = f"filtered {_spread(kept)} {unit}, unfiltered "
     failed = len({r.seed for r in rows}) - len(everything)
-    numbers = f"filtered {_spread(kept)} {unit}, unfiltered {_spread(everything)} {unit}"
-    numbers += f" ({ratio:.3g} times)"
+    if not len(everything):
+        return _verdict("iv", formulation, True, f"{numbers}none of {failed} converged")
+    ratio = _mean(everything) / _mean(kept)
+    numbers += f"{_spread(everything)} {unit} ({ratio:.3g} times)"
     if failed:
         numbers += f"; {failed} did not converge without the filter"
-    return _verdict("iv", formulation, bool(ratio > _LARGER) or not len(everything), numbers)
+    return _verdict("iv", formulation, ratio > _LARGER, numbers)
 
 
 def _against_clean(rows: Sequence[Row]) -> list[str]:
@@ -115,9 +118,10 @@ def _against_clean(rows: Sequence[Row]) -> list[str]:
                 _mean(_of(rows, formulation, "mean_translation_m", outliers=share, filtered=f))
                 for f in (True, False)
             )
+            unfiltered = f"{everything / clean:.3g} times" if everything > 0 else "none converged"
             lines.append(
                 f"{rows[0].source}, {100 * share:.0f} % outliers over none, {formulation}: "
-                f"filtered {kept / clean:.3g} times, unfiltered {everything / clean:.3g} times"
+                f"filtered {kept / clean:.3g} times, unfiltered {unfiltered}"
             )
     return lines
 

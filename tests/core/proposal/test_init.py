@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,10 @@ import yaml
 import rigcal
 from rigcal.calibration import Calibration, SensorResult
 from rigcal.cli import main
-from rigcal.errors import ConfigError, InputError
+from rigcal.errors import ConfigError, InputError, PluginError
 from rigcal.geometry import se3
-from rigcal.plugin import PoseConfig, Registry, Rig
+from rigcal.importing import import_file
+from rigcal.plugin import Importer, PoseConfig, Registry, Rig, hookimpl
 from rigcal.recording import ros
 from rigcal.recording.writer import RecordingWriter
 from rigcal.rig import T_root_sensors
@@ -212,6 +214,79 @@ def test_the_command_writes_once_and_tells_programs(
     assert code == 2
     assert "no sensor 'lidr' that could be the root, did you mean 'lidar'?" in error
     assert not out.exists()
+
+
+def _info(focal_px: float) -> Any:
+    config = CAM.model_copy(update={"focal_px": (focal_px, focal_px)})
+    return CAMERA.extra_messages(config, 5, "eye")["camera_info"][1]  # type: ignore[misc]
+
+
+def _proposed(path: Path, topics: dict[str, Any], tmp_path: Path) -> tuple[Rig, str]:
+    with RecordingWriter(path) as writer:
+        for topic, message in topics.items():
+            writer.write(topic, message.__msgtype__, message, 5)
+    text = rigcal.propose_rig(path, REGISTRY)
+    return _load(text, tmp_path), text
+
+
+def test_two_cameras_of_one_namespace_get_their_own_lens(tmp_path: Path) -> None:
+    image = CAMERA.encode(np.zeros((48, 64), np.uint8), CAM, 5, "eye")  # type: ignore[misc]
+    topics = {"/rig/left_image": image, "/rig/right_image": image}
+    infos = {"/rig/right_camera_info": _info(60.0), "/rig/left_camera_info": _info(50.0)}
+    rig, text = _proposed(tmp_path / "a.mcap", topics | infos, tmp_path)
+    focal = {name: config.model_dump()["focal_px"] for name, config in rig.sensors.items()}
+    assert focal == {"rig_left_image": (50.0, 50.0), "rig_right_image": (60.0, 60.0)}
+    assert "# described by /rig/left_camera_info" in text
+    del infos["/rig/right_camera_info"]
+    rig, text = _proposed(tmp_path / "b.mcap", topics | infos, tmp_path)
+    assert list(rig.sensors) == ["rig_left_image"]
+    assert "# rig_right_image:" in text
+
+
+def test_two_images_of_one_camera_share_its_lens(tmp_path: Path) -> None:
+    image = CAMERA.encode(np.zeros((48, 64), np.uint8), CAM, 5, "eye")  # type: ignore[misc]
+    topics = {"/cam/color": image, "/cam/image_raw": image, "/cam/camera_info": _info(60.0)}
+    rig, _ = _proposed(tmp_path / "a.mcap", topics, tmp_path)
+    assert set(rig.sensors) == {"cam_color", "cam_image_raw"}
+
+
+def test_a_lens_that_could_be_of_either_is_not_guessed(tmp_path: Path) -> None:
+    image = CAMERA.encode(np.zeros((48, 64), np.uint8), CAM, 5, "eye")  # type: ignore[misc]
+    points = ros.make("sensor_msgs/msg/PointCloud2", header=ros.header(5, "velodyne"))
+    infos = {"/cam/info_a": _info(60.0), "/cam/info_b": _info(50.0)}
+    topics = {"/cam/main": image, "/velodyne_points": points, **infos}
+    rig, text = _proposed(tmp_path / "a.mcap", topics, tmp_path)
+    assert list(rig.sensors) == ["velodyne_points"]
+    assert "several topics may describe it, none is used: /cam/info_a, /cam/info_b" in text
+
+
+def test_a_compressed_copy_is_no_second_camera(tmp_path: Path) -> None:
+    image = CAMERA.encode(np.zeros((48, 64), np.uint8), CAM, 5, "eye")  # type: ignore[misc]
+    effects = CAMERA.effects.model_validate({"jpeg_quality": 90})
+    small = CAMERA.transport(image, effects)  # type: ignore[misc]
+    both = {"/cam/image/compressed": small, "/cam/image": image, "/cam/camera_info": _info(60.0)}
+    rig, _ = _proposed(tmp_path / "both.mcap", both, tmp_path)
+    assert {name: c.topic for name, c in rig.sensors.items()} == {"cam": "/cam/image"}
+    del both["/cam/image"]
+    rig, _ = _proposed(tmp_path / "one.mcap", both, tmp_path)
+    assert {name: c.topic for name, c in rig.sensors.items()} == {"cam": "/cam/image/compressed"}
+
+
+def test_an_importer_that_fails_is_named(tmp_path: Path) -> None:
+    def rigcal_importers() -> list[Importer]:
+        return [Importer("acme", "for a test", lambda text, stem: 1 / 0)]  # type: ignore[arg-type, return-value]
+
+    path = tmp_path / "a.txt"
+    path.write_text("a")
+    registry = Registry([SimpleNamespace(rigcal_importers=hookimpl(rigcal_importers))])
+    with pytest.raises(PluginError, match=r"importer 'acme' failed on .*a\.txt with ZeroDiv"):
+        import_file(path, registry)
+
+
+def test_a_folder_of_files_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"")
+    with pytest.raises(InputError, match="a folder of files has none; write its rig by hand"):
+        rigcal.propose_rig(tmp_path, REGISTRY)
 
 
 def test_a_recording_without_sensors_is_refused(tmp_path: Path) -> None:

@@ -51,26 +51,17 @@ def propose_rig(
         if not sensors:
             raise InputError(f"{recording}: no topic is of a known sensor{_listing(opened)}")
         static = _static_frames(opened)
-    imported = [(file, import_file(file[0], registry)) for file in files]
-    matches = [_match(file, content, sensors) for file, content in imported]
-    for (_, content), match in zip(imported, matches, strict=True):
-        for theirs, sensor in match.items():
-            own = {k: v for k, v in content.sensors[theirs].items() if k not in ("type", "topic")}
-            sensor.fields.update(own)
+    given = [_take(file, sensors, registry) for file in files]
     missing = {s.name: text for s in sensors if (text := _missing(s))}
     complete = [s for s in sensors if s.name not in missing]
     if not complete:
         lines = "".join(f"\n  {name}: {text}" for name, text in missing.items())
         raise InputError(
             f"{recording}: no sensor can be described{lines}\n"
-            "give what is missing in a file: --from NAME=FILE (a CameraInfo, camchain or OpenCV "
-            "YAML)"
+            "give what is missing in a file of another tool: --from NAME=FILE"
         )
     root = _root(root, complete)
-    forests = [
-        _forest(str(file[0]), content, match, complete)
-        for (file, content), match in zip(imported, matches, strict=True)
-    ]
+    forests = [_forest(*one, complete) for one in given]
     forests.append(_forest(TF_STATIC, static, {}, complete))
     poses, sources = poses_of(forests, root)
     entries = [
@@ -82,7 +73,10 @@ def propose_rig(
 
 
 def _listing(recording: Recording) -> str:
-    lines = [f"\n  {t}  {kind}  {count}" for t, (kind, count) in recording.contents().items()]
+    contents = recording.contents()
+    if contents and all(topic.startswith(".") for topic in contents):
+        return ": a folder of files has none; write its rig by hand, with `files` of each sensor"
+    lines = [f"\n  {t}  {kind}  {count}" for t, (kind, count) in contents.items()]
     return "; it holds:" + "".join(lines) if lines else "; it is empty"
 
 
@@ -97,6 +91,18 @@ def _static_frames(recording: Recording) -> Imported:
             child, parent = (f.removeprefix("/") for f in (one.child_frame_id, one.header.frame_id))
             frames[child] = (parent, se3.transform(R, np.array([t.x, t.y, t.z])))
     return Imported(frames=frames)
+
+
+def _take(
+    file: FileOf, sensors: Sequence[Found], registry: Registry
+) -> tuple[str, Imported, dict[str, Found]]:
+    """What a file says and whose it is, its fields being given to their sensors."""
+    content = import_file(file[0], registry)
+    match = _match(file, content, sensors)
+    for theirs, sensor in match.items():
+        fields = content.sensors[theirs].items()
+        sensor.fields.update({k: v for k, v in fields if k not in ("type", "topic")})
+    return str(file[0]), content, match
 
 
 def _match(file: FileOf, content: Imported, sensors: Sequence[Found]) -> dict[str, Found]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -50,7 +51,7 @@ def sensors_in(recording: Recording, registry: Registry) -> tuple[list[Found], l
     found = [
         Found(names[topic], topic, *contents[topic], kind=kind) for topic, kind in kinds.items()
     ]
-    return [_described(sensor, recording, contents) for sensor in found], unsure
+    return [_described(sensor, recording, contents, list(kinds)) for sensor in found], unsure
 
 
 def _is_copy(topic: str, kind: SensorType, kinds: Mapping[str, SensorType]) -> bool:
@@ -61,19 +62,26 @@ def _is_copy(topic: str, kind: SensorType, kinds: Mapping[str, SensorType]) -> b
 
 def _names(topics: list[str]) -> dict[str, str]:
     """Short names: the namespace; with its last part where that is not enough, or missing."""
-    parts = {topic: [p for p in topic.split("/") if p] for topic in topics}
+    parts = {topic: [p for p in str(_base(topic)).split("/") if p] for topic in topics}
     short = {topic: "_".join(p[:-1] or p) for topic, p in parts.items()}
     every = list(short.values())
     return {
-        topic: name if every.count(name) == 1 else "_".join(parts[topic])
+        topic: name if every.count(name) == 1 else "_".join(parts[topic]).strip("_")
         for topic, name in short.items()
     }
 
 
-def _described(sensor: Found, recording: Recording, contents: Contents) -> Found:
+def _described(
+    sensor: Found, recording: Recording, contents: Contents, others: Sequence[str]
+) -> Found:
     """What the first of its own messages says, then what messages beside it do."""
     fields, notes, frame = dict[str, Any](), list[str](), ""
-    for topic in (sensor.topic, *_beside(sensor, contents)):
+    beside = _beside(sensor, contents, others)
+    if len({contents[topic][0] for topic in beside}) < len(beside):
+        notes.append(f"several topics may describe it, none is used: {', '.join(beside)}")
+        beside = []
+    notes += [f"described by {topic}" for topic in beside]
+    for topic in (sensor.topic, *beside):
         try:
             message = next(iter(recording.read(Source(topic=topic), 0, 1)))
             frame = frame or _frame(message)
@@ -87,20 +95,36 @@ def _described(sensor: Found, recording: Recording, contents: Contents) -> Found
     )  # fmt: skip
 
 
-def _beside(sensor: Found, contents: Contents) -> list[str]:
-    """Topics that describe the sensor: in its namespace, or in that of the topic it copies."""
-    for parent in list(PurePosixPath(sensor.topic).parents)[:2]:
-        beside = [
-            topic
-            for topic, (message_type, _) in contents.items()
-            if topic != sensor.topic
-            and PurePosixPath(topic).parent == parent
-            and message_type in sensor.kind.describes
-            and message_type not in sensor.kind.message_types
-        ]
-        if beside:
-            return beside
-    return []
+def _beside(sensor: Found, contents: Contents, others: Sequence[str]) -> list[str]:
+    """Topics of its namespace that describe it and are called more like it than like another.
+
+    A namespace may have two cameras: /left_image and /left_camera_info, /right_image and so on.
+    """
+    own = _base(sensor.topic)
+    beside = [
+        topic
+        for topic, (message_type, _) in contents.items()
+        if PurePosixPath(topic).parent == own.parent
+        and message_type in sensor.kind.describes
+        and message_type not in sensor.kind.message_types
+        and all(_alike(topic, sensor.topic) >= _alike(topic, other) for other in others)
+    ]
+    alike = [_alike(topic, sensor.topic) for topic in beside]
+    return [topic for topic, words in zip(beside, alike, strict=True) if words == max(alike)]
+
+
+def _alike(topic: str, of_sensor: str) -> int:
+    """How many words two names have in common at their start, 0 in different namespaces."""
+    own, path = _base(of_sensor), PurePosixPath(topic)
+    words = zip(path.name.split("_"), own.name.split("_"), strict=False)
+    same = takewhile(lambda pair: pair[0] == pair[1], words)
+    return sum(1 for _ in same) if own.parent == path.parent else 0
+
+
+def _base(topic: str) -> PurePosixPath:
+    """The topic whose compressed form this one is, by the names of ROS's image_transport."""
+    path = PurePosixPath(topic)
+    return path.parent if path.name == "compressed" else path
 
 
 def _frame(message: Message) -> str:

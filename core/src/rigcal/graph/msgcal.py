@@ -117,6 +117,7 @@ def _by_pairs(
     for name in fixed:
         factors.add(gtsam.PriorFactorPose3(keys[name], gtsam.Pose3(sensors[name]), stiff))
     for pair in pairs:
+        assert pair.T_a_b is not None
         T_a_b = gtsam.Pose3(pair.T_a_b)
         factors.add(gtsam.BetweenFactorPose3(keys[pair.a], keys[pair.b], T_a_b, unit))
     try:

@@ -104,9 +104,9 @@ def _solve_msgcal(stages: Stages, method: Method, progress: Progress | None) -> 
             selections[x.exposure] = Selection(T_root_t, chosen, left_out, has_pose=True)
     edges = _edges(task, selections)
     boards = {exposure: s.T_root_t for exposure, s in selections.items()}
-    # Among outliers a board has no place that all measurements lead to: a robust one does.
-    place = joint.solve if method.filtered else joint.solve_robust
-    boards = place(edges, solved.sensors, boards, frozenset(solved.sensors)).targets
+    # Robustly: pairs of sensors may agree on two places in one exposure.
+    held = frozenset(solved.sensors)
+    boards = joint.solve_robust(edges, solved.sensors, boards, held).targets
     refused = {k: _NO_EDGE for k in task.exposures if k not in selections}
     tell("global estimate", 1, 1)
     solution = Solution(solved.sensors, boards, tuple(edges), solved.information, {}, {})

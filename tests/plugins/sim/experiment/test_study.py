@@ -88,6 +88,21 @@ def test_claims_that_do_not():
     assert "unfiltered none of 10 converged" in text
 
 
+def test_runs_without_a_result_do_not_count():
+    rows = [
+        replace(r, graph_error_m2=float("nan"), problem="no minimum")
+        if (r.formulation, r.seed) == ("joint", 0)
+        else replace(r, graph_error_m2=1.0)
+        if (r.formulation, r.seed) == ("pairwise", 0)
+        else r
+        for r in rows_of(10, PAIRS)
+    ]
+    text = "\n".join(claims(rows))
+    assert "joint: runs that gave no result and do not count: 1" in text
+    # The pairwise error of 1 m^2 in that run is not held against the nine graphs.
+    assert "(ii) joint: holds: pairwise 19" in text or "(ii) joint: holds: pairwise 20" in text
+
+
 def test_without_outliers_there_is_nothing_to_filter():
     assert "(iv)" not in "\n".join(claims(rows_of(10, PAIRS)))
 

@@ -28,15 +28,28 @@ def claims(rows: Sequence[Row]) -> list[str]:
         )
         has_truth = bool(np.isfinite(select(own, "mean_translation_m")).any())
         for formulation in _FORMULATIONS:
+            solved, failed = _with_result(own, formulation)
+            if failed:
+                lines.append(
+                    f"  {formulation}: runs that gave no result and do not count: {failed}"
+                )
             if has_truth:
-                lines.append(_variance(own, formulation))
-            lines.append(_graph_error(own, formulation))
-            lines.append(_initial(own, formulation, has_truth=has_truth))
+                lines.append(_variance(solved, formulation))
+            lines.append(_graph_error(solved, formulation))
+            lines.append(_initial(solved, formulation, has_truth=has_truth))
             if outliers or not has_truth:  # else there is nothing to filter
-                lines.append(_filter(own, formulation, has_truth=has_truth))
+                lines.append(_filter(solved, formulation, has_truth=has_truth))
     for source in dict.fromkeys(source for source, _ in groups):
         lines += _against_clean([r for r in rows if r.source == source])
     return lines
+
+
+def _with_result(rows: Sequence[Row], formulation: str) -> tuple[list[Row], int]:
+    """The rows of runs in which a formulation solved the filtered data, and how many did not."""
+    where = {"formulation": formulation, "filtered": True, "initial": "tree", "problem": ""}
+    seeds = set(select(rows, "seed", **where))
+    solved = [r for r in rows if r.seed in seeds]
+    return solved, len({r.seed for r in rows} - seeds)
 
 
 def _values(rows: Sequence[Row], column: str, **where: Any) -> Array:

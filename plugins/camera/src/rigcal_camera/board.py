@@ -18,29 +18,30 @@ Slopes = tuple[FloatImage, FloatImage]
 _FAR_M = 1e3
 _FINE = ((21, 13), (34, 21), (55, 34))
 """Points in a pixel, and the step between their rows: numbers of Fibonacci make even lattices."""
-_BUDGET = 2_000_000
-"""Points in all pixels in which the print has an edge."""
 _BLOCK = 16_384
 _UPPER_LEFT = np.array([-0.5, -0.5], dtype=np.float32)
 
 
-def face_of(target: Target, T_s_t: Array, rays: FloatImage, px_per_mm: float) -> FloatImage:
+def face_of(
+    target: Target, T_s_t: Array, rays: FloatImage, px_per_mm: float, points: int = 2_000_000
+) -> FloatImage:
     """Grey (H, W) in 0..1 of the board's face along rays (H, W, 3), as if it had no end.
 
     A pixel in which the print has an edge is the mean of the print at 21 to 55 points in it. No
     two of them lie in the same row or column of the pixel, and each has the mean over its share:
     an edge lies where it is printed at any distance and in any direction. White from behind.
+    `points` is how many there may be in all such pixels together.
     """
     T_t_s = se3.inverse(T_s_t)
     if T_t_s[2, 3] <= 0:
         return np.ones(rays.shape[:2], dtype=np.float32)
-    xy = _plane_points(rays, T_t_s)
+    xy = points_on_face(rays, T_t_s)
     by_uv = np.gradient(xy, axis=1), np.gradient(xy, axis=0)
     pixel_m, texture = _pixel_on_face(xy, by_uv, target), texture_of(target, px_per_mm)
     coarse = texture.reduced(pixel_m / 2)
     face = coarse.sample(xy)
     edge = _differs(face, coarse.sample(_shifted(xy, by_uv, _UPPER_LEFT)))
-    _draw_edges(face, edge, xy, by_uv, texture, pixel_m)
+    _draw_edges(face, edge, xy, by_uv, texture, pixel_m, points)
     return face / np.float32(255)
 
 
@@ -63,10 +64,11 @@ def _draw_edges(
     by_uv: Slopes,
     texture: Texture,
     pixel_m: Array,
+    points: int,
 ) -> None:
-    """The mean of many points in each pixel of `edge`, as many as the budget allows."""
+    """The mean of 21 points or more in each pixel of `edge`, as many as `points` allow."""
     v, u = np.nonzero(edge)
-    allowed = max(_BUDGET // max(len(v), 1), _FINE[0][0])
+    allowed = max(points // max(len(v), 1), _FINE[0][0])
     lattice = max(lattice for lattice in _FINE if lattice[0] <= allowed)
     fine = texture.reduced(pixel_m / np.sqrt(lattice[0]))
     places = _lattice(*lattice)
@@ -89,7 +91,7 @@ def _lattice(count: int, step: int) -> NDArray[np.float32]:
     return places.astype(np.float32)
 
 
-def _plane_points(rays: FloatImage, T_t_s: Array) -> FloatImage:
+def points_on_face(rays: FloatImage, T_t_s: Array) -> FloatImage:
     """Where rays (H, W, 3) meet the board's plane, (H, W, 2) in its frame; far off if nowhere."""
     origin = T_t_s[:3, 3].astype(np.float32)
     d_t = rays @ T_t_s[:3, :3].T.astype(np.float32)

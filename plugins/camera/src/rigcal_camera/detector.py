@@ -14,6 +14,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection, PoseGeometry
 from rigcal.plugin.answers import checked_fiducials
 from rigcal.targets.target import Target
+from rigcal_camera.align import align_corners
 from rigcal_camera.chess import find_charuco_corners, find_checkerboard_corners
 from rigcal_camera.config import CameraConfig
 from rigcal_camera.corners import Corners
@@ -31,12 +32,19 @@ Finder = Callable[[Image, Target, Lens], Corners]
 def detect(image: Image, config: CameraConfig, target: Target) -> Detection:
     """Every pose of the target that explains the corners found in the image.
 
+    Corners are found, then aligned with the print as the best pose shows it (`align_corners`).
     More than one candidate: the pattern looks the same when turned (`target.symmetries`; equal
-    scores), or the view does not tell the two poses of a plane apart. `score` is the
-    log-likelihood against the best one. `measurement`: `uv` (M, 2) pixels, `index` (M,) into
+    scores), or the view does not tell the two poses of a plane apart. `score` is the log-
+    likelihood against the best one. `measurement`: `uv` (M, 2) pixels, `index` (M,) into
     `target.points`, `sigma_px` the corner noise estimated from the residual.
     """
-    return _explained(_find(image, target, lens_of(config)), config, target)
+    lens = lens_of(config)
+    corners = _find(image, target, lens)
+    # Ink or light that spreads moves edges, but not the saddle points that corner squares make.
+    saddles = getattr(target.config, "corner_squares", False)
+    if target.find is None and not saddles and len(corners) >= config.min_corners:
+        corners = _aligned(image, corners, target, lens)
+    return _explained(corners, config, target)
 
 
 def fit(measured: Mapping[str, Any], config: CameraConfig, target: Target) -> Detection:
@@ -101,6 +109,17 @@ def _find(image: Image, target: Target, lens: Lens) -> Corners:
             "no `find` of its own (known: apriltag_grid, apriltag_poster, checkerboard, charuco)"
         )
     return finder(image, target, lens)
+
+
+def _aligned(image: Image, corners: Corners, target: Target, lens: Lens) -> Corners:
+    """The corners where the print as the best pose shows it fits the image."""
+    p_t = target.points[corners.index]
+    fits = fit_poses(lens, p_t, corners.uv)
+    if not fits:
+        return corners
+    return Corners(
+        corners.index, align_corners(image, corners.uv, p_t, target, lens, fits[0].T_s_t)
+    )
 
 
 def observe(

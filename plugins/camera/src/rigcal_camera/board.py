@@ -18,7 +18,7 @@ Slopes = tuple[FloatImage, FloatImage]
 _FAR_M = 1e3
 _FINE = ((21, 13), (34, 21), (55, 34))
 """Points in a pixel, and the step between their rows: numbers of Fibonacci make even lattices."""
-_BLOCK = 16_384
+_BLOCK = 4096
 _UPPER_LEFT = np.array([-0.5, -0.5], dtype=np.float32)
 
 

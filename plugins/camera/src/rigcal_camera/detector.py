@@ -112,14 +112,19 @@ def _find(image: Image, target: Target, lens: Lens) -> Corners:
 
 
 def _aligned(image: Image, corners: Corners, target: Target, lens: Lens) -> Corners:
-    """The corners where the print as the best pose shows it fits the image."""
+    """The corners where the print as the best pose shows it fits the image.
+
+    As they were where that does not make the pose explain them better: motion blur and strong
+    compression are not what the print is drawn with.
+    """
     p_t = target.points[corners.index]
-    fits = fit_poses(lens, p_t, corners.uv)
-    if not fits:
+    before = fit_poses(lens, p_t, corners.uv)
+    if not before:
         return corners
-    return Corners(
-        corners.index, align_corners(image, corners.uv, p_t, target, lens, fits[0].T_s_t)
-    )
+    uv = align_corners(image, corners.uv, p_t, target, lens, before[0].T_s_t)
+    after = fit_poses(lens, p_t, uv)
+    better = after and after[0].sigma_px < before[0].sigma_px
+    return Corners(corners.index, uv) if better else corners
 
 
 def observe(

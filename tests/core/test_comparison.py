@@ -139,19 +139,6 @@ def test_limit_is_the_point_that_one_in_a_thousand_exceeds() -> None:
     assert chi2.sf(6 * LIMIT_SIGMAS**2, 6) == pytest.approx(1e-3, rel=1e-4)
 
 
-RIG = """\
-version: 1
-root: lidar
-targets: {{board: {{type: checkerboard, columns: 8, rows: 5, square_size_m: 0.1}}}}
-sensors:
-  lidar: {{type: lrf3d, topic: /points}}
-  cam1:
-    type: lrf3d
-    topic: /points2
-    pose: {{parent: lidar, translation_m: [{x}, 0.0, 0.0]}}
-"""
-
-
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Any:
     def run(*arguments: object) -> tuple[int, str, str]:
@@ -179,20 +166,3 @@ def test_command_tells_people_and_scripts(tmp_path: Path, run: Any) -> None:
     code, text, _ = run(a, a)
     assert code == 0
     assert "Moved: none" in text
-
-
-def test_command_compares_with_the_poses_of_a_rig_file(tmp_path: Path, run: Any) -> None:
-    T = np.eye(4)
-    T[0, 3] = 0.5
-    rigcal.save_calibration(tmp_path / "a.yaml", _calibration({"cam1": T}))
-    rig = tmp_path / "rig.yaml"
-    rig.write_text(RIG.format(x=0.5))
-    assert run(tmp_path / "a.yaml", rig)[0] == 0
-    rig.write_text(RIG.format(x=0.6))
-    code, text, _ = run(tmp_path / "a.yaml", rig)
-    assert (code, "Moved: cam1" in text) == (1, True)
-    code, text, error = run(rig, rig)
-    assert (code, "0.00" in text) == (2, True)
-    assert "neither has a covariance of cam1" in error
-    code, _, error = run(tmp_path / "a.yaml", tmp_path / "none.yaml")
-    assert (code, "no such file" in error) == (2, True)

@@ -38,8 +38,12 @@ def detect(image: Image, config: CameraConfig, target: Target) -> Detection:
     likelihood against the best one. `measurement`: `uv` (M, 2) pixels, `index` (M,) into
     `target.points`, `sigma_px` the corner noise estimated from the residual.
     """
+    return explained_in(image, _find(image, target, lens_of(config)), config, target)
+
+
+def explained_in(image: Image, corners: Corners, config: CameraConfig, target: Target) -> Detection:
+    """The poses that explain corners found in an image, aligned there with the print."""
     lens = lens_of(config)
-    corners = _find(image, target, lens)
     # Ink or light that spreads moves edges, but not the saddle points that corner squares make.
     saddles = getattr(target.config, "corner_squares", False)
     if target.find is None and not saddles and len(corners) >= config.min_corners:

@@ -9,7 +9,8 @@ from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection, PoseGeometry
 from rigcal.targets.target import Target
 from rigcal_camera.config import CameraConfig
-from rigcal_camera.detector import detect
+from rigcal_camera.corners import Corners
+from rigcal_camera.detector import detect, explained_in
 from rigcal_camera.frames import Image
 from rigcal_camera.lens import lens_of
 
@@ -42,7 +43,13 @@ def near(image: Image, config: CameraConfig, target: Target, T_s_t: Array) -> De
     close = tuple(c for c in candidates if _is_near(c, target, T_s_t))
     if found.candidates and not close:
         return Detection((), "what looks like the target is not where it must be")
-    return Detection(close, found.reason)
+    if not close:
+        return Detection((), found.reason)
+    # Contrast that differs from place to place moves corners: the image itself has the last word.
+    seen = close[0].measurement
+    corners = Corners(np.asarray(seen["index"], np.int64), np.asarray(seen["uv"], np.float64))
+    settled = explained_in(image, corners, config, target).candidates
+    return Detection(tuple(c for c in settled if _is_near(c, target, T_s_t)) or close)
 
 
 def _predicted_box(

@@ -7,7 +7,7 @@ import numpy as np
 from rigcal.geometry.se3 import Array
 from rigcal.plugin.contract import SensorConfig, SensorType
 
-_STEP_DEG = 1.5
+_STEP_DEG = 0.75
 _LEAST_DEG = 2.0
 """Rims shorter than this are grains of the sampling."""
 

@@ -29,9 +29,8 @@
     return { middle: times(0.5, add(low, high)), size: Math.max(0.1, Math.hypot(...sub(high, low))) };
   };
   const rig = extentOf(places);
-  const all = extentOf(places.concat(...scene.boards.map((b) => b.outline)));
   const reach = extentOf(places.concat(...scene.boards.map((b) => b.outline), ...scene.sensors.flatMap((s) => s.views)));
-  const start = { yaw: 0.7, pitch: 0.5, size: 0.75 * reach.size, centre: all.middle };
+  const start = { yaw: 0.7, pitch: 0.5, size: 0.9 * reach.size, centre: reach.middle };
   let view = { ...start };
   const shown = (name) => document.getElementById("show-" + name).checked;
 

@@ -53,7 +53,10 @@ def _of_planes(relation: OnPlanes, h: Index) -> str:
     tilts = np.sqrt(np.maximum(np.linalg.eigvalsh(n.T @ n / len(n)), 0.0))
     if tilts[1] < _SAME_TILT:
         if np.std(d) < _SAME_PLACE_M:
-            return "the board stood at one place; move it and tilt it in several directions"
+            return (
+                "the board stood at one place; move it and tilt it in several directions (or what "
+                "agrees is not the board but something that never moves, a wall)"
+            )
         return "all boards are parallel; tilt the board in several directions"
     if relation.planes_b is None and np.std(relation.p_b[h], axis=0).max() < _SAME_PLACE_M:
         return "the second sensor always sees the board at one place; move the board"

@@ -118,6 +118,9 @@ def _association(task: Task) -> str:
 
 
 def _graph_error(stages: Stages, solution: Solution, method: Method) -> GraphError | None:
+    if len(solution.numbers):
+        # The graph's observations were made with the lenses and sizes from before.
+        return None
     graph = stages.graph(filtered=method.filtered)
     if not graph.exposures:
         return None
@@ -184,7 +187,7 @@ def _noise_warnings(solution: Solution) -> tuple[str, ...]:
 
 def _warnings(pairs: Sequence[PairResult]) -> tuple[str, ...]:
     return tuple(
-        f"{p.a} - {p.b}: {p.shared} shared exposures, but {p.reason}"
+        f"{p.a} - {p.b}: {p.shared} shared exposures: {p.reason}"
         for p in pairs
         if p.shared >= 5 and p.T_a_b is None and "do not determine a transform" not in p.reason
     )

@@ -1,11 +1,13 @@
 """From observations to a calibration, on geometry alone: what every new sensor type gets."""
 
 import re
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import pytest
 
+from rigcal.calibration_file import load_calibration, save_calibration
 from rigcal.errors import (
     NotConnectedError,
     NotDeterminedError,
@@ -23,7 +25,7 @@ from rigcal.observation import (
     PointGeometry,
     PoseGeometry,
 )
-from rigcal.plugin import SensorConfig, SensorType, hookimpl
+from rigcal.plugin import PoseConfig, SensorConfig, SensorType, hookimpl
 from rigcal.plugin.registry import Registry
 from rigcal.rig import parse_rig
 
@@ -194,6 +196,22 @@ def test_same_seed_same_result(registry):
     for name in rig.sensors:
         a, b = first.sensors[name], second.sensors[name]
         assert a.T_parent_sensor.tobytes() == b.T_parent_sensor.tobytes()
+
+
+def test_a_rig_whose_poses_are_all_given_has_boards_and_no_covariance(registry, tmp_path):
+    rig = rig_of(registry, a="pose", b="pose")
+    xyz, quaternion = T_ROOT[1][:3, 3], se3.quaternion_from_rotation(T_ROOT[1][:3, :3])
+    rotation = dict(zip("xyzw", quaternion.tolist(), strict=True))
+    pose = PoseConfig(parent="a", translation_m=tuple(xyz), rotation=rotation)
+    given = rig.sensors["b"].model_copy(update={"pose": pose, "fixed": True})
+    rig = replace(rig, sensors={**rig.sensors, "b": given})
+    calibration = calibrate(rig, registry, record(rig, np.random.default_rng(0)))
+    assert len(calibration.target_poses) == 40
+    assert calibration.sensors["b"].covariance is None
+    assert calibration.verdict.summary == "No pose was estimated: all are given."
+    save_calibration(tmp_path / "a.yaml", calibration)
+    read = load_calibration(tmp_path / "a.yaml")
+    np.testing.assert_allclose(read.T("a", "b"), calibration.T("a", "b"), atol=1e-12)
 
 
 def test_sensors_that_share_nothing_are_named(registry):

@@ -163,7 +163,8 @@ def load_calibration(path: Path | str) -> Calibration:
 
 
 def _joint(joint: _JointCovariance) -> JointCovariance:
-    return JointCovariance(joint.sensors, np.array(joint.rows).reshape(len(joint.rows), -1))
+    n = len(joint.rows)
+    return JointCovariance(joint.sensors, np.array(joint.rows, np.float64).reshape(n, n))
 
 
 def save_calibration(path: Path | str, calibration: Calibration) -> None:

@@ -23,8 +23,17 @@ class PoseGeometry:
 
     @classmethod
     def of(cls, T_s_t: ArrayLike, sigma_rad: float, sigma_m: float) -> Self:
-        """A pose (4, 4) with equal noise about all axes and equal noise along them."""
-        T = _rows(T_s_t, "T_s_t", 4, least=4)
+        """A pose (4, 4) with equal noise about all axes and equal noise along them.
+
+        ObservationError if it is no pose: a transposed one would be a plausible wrong one.
+        """
+        T = _rows(T_s_t, "T_s_t", 4, least=1)
+        rigid = T.shape == (4, 4) and np.allclose(T[3], [0, 0, 0, 1])
+        if not rigid or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3):
+            raise ObservationError(
+                f"T_s_t of shape {T.shape} is no pose; expected [[R, t], [0, 0, 0, 1]] (4, 4), R a "
+                "rotation and t in metres, that takes the target's coordinates to the sensor's"
+            )
         return cls(T, np.diag([sigma_rad**2] * 3 + [sigma_m**2] * 3))
 
 

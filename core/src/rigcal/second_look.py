@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from rigcal.rig import Rig
 from rigcal.visibility import spots_in_view
 
 _STAGE = "second look"
+_log = logging.getLogger(__name__)
 
 
 def look_again(
@@ -105,4 +107,9 @@ def _found(stream: Stream, o: Observation, frames: Sequence[DetectedFrame]) -> C
         return None
     if places.same(own[agreed], known, STILL_M).any():
         return None
-    return combine(stream, [c for c, agrees in zip(candidates, agreed, strict=True) if agrees])
+    try:
+        return combine(stream, [c for c, agrees in zip(candidates, agreed, strict=True) if agrees])
+    except Exception:
+        # As at the first look: a plugin that fails loses its frames, not the run.
+        _log.debug("frames of %s could not be combined", stream.sensor, exc_info=True)
+        return None

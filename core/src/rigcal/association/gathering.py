@@ -28,6 +28,7 @@ from rigcal.plugin.answers import check_detection
 MOST_CANDIDATES = 8
 NO_EXPOSURE = "in motion"
 IN_MOTION = "the board moves, or nothing shows that it stands still"
+UNSTEADY = "none of its candidates stays in one place for half of the frames"
 BACKGROUND = "its candidates are found in the same place throughout the recording: background"
 
 
@@ -46,9 +47,9 @@ def still_observations(
             in_motion[inside] = False
             if len(inside):
                 kept = inside[_spread(len(inside), MOST_FRAMES)]
-                gathered.append(
-                    _Gathered(exposure.name, kept, _groups(own, kept, sightings[sensor]))
-                )
+                foreground = any(len(sightings[sensor].foreground(int(f))) for f in kept)
+                groups = _groups(own, kept, sightings[sensor])
+                gathered.append(_Gathered(exposure.name, kept, groups, foreground))
         best = [[c.geometry for c in g.groups[0]] for g in gathered if g.groups]
         common = common_share(best)
         result += [_combined(streams[sensor], g, own, common) for g in gathered]
@@ -59,11 +60,15 @@ def still_observations(
 
 @dataclass(frozen=True, eq=False)
 class _Gathered:
-    """Frames of a sensor in one exposure, and groups of candidates in one place, best first."""
+    """Frames of a sensor in one exposure, and groups of candidates in one place, best first.
+
+    `has_foreground`: whether any candidate is not background, steady or not.
+    """
 
     exposure: str
     inside: NDArray[np.intp]
     groups: list[list[Candidate]]
+    has_foreground: bool
 
 
 def _spread(count: int, most: int) -> NDArray[np.intp]:
@@ -94,7 +99,8 @@ def _combined(
     if not candidates and not reason:
         reasons = [f.detection.reason for f in seen if f.detection.reason]
         has_some = any(f.detection.candidates for f in seen)
-        reason = BACKGROUND if has_some else max(reasons, key=reasons.count)
+        found = UNSTEADY if gathered.has_foreground else BACKGROUND
+        reason = found if has_some else max(reasons, key=reasons.count)
     return Observation(
         stream.sensor,
         gathered.exposure,

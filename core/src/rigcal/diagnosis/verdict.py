@@ -62,6 +62,8 @@ class Verdict:
     def summary(self) -> str:
         """The verdict in one sentence."""
         count = len(self.sensors)
+        if not count:
+            return "No pose was estimated: all are given."
         if self.withheld:
             return f"The data do not determine the pose of {', '.join(self.withheld)}."
         if self.weak:

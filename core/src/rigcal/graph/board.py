@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rigcal.geometry.se3 import Array
-from rigcal.geometry.shapes import tangent_basis
+from rigcal.geometry.shapes import plane_of_target, tangent_basis
 from rigcal.observation import Geometry, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
 from rigcal.targets.target import Target
 
@@ -18,8 +18,8 @@ def half_size(target: Target) -> float:
 def plane_of(g: Geometry) -> tuple[Array, float]:
     """Normal towards the sensor's side and distance of the target's plane, from pose or plane."""
     if isinstance(g, PoseGeometry):
-        n = g.T_s_t[:3, 2]
-        return n, -float(n @ g.T_s_t[:3, 3])
+        n, d = plane_of_target(g.T_s_t)
+        return n, float(d)
     assert isinstance(g, PlaneGeometry)
     return g.normal, g.d
 

@@ -19,10 +19,9 @@ _CHUNK = 100
 
 @dataclass(frozen=True, eq=False)
 class Consensus:
-    """The best fit, if any; how many samples were drawn, and how many hypotheses they gave."""
+    """The best fit, if any, and how many hypotheses the samples gave."""
 
     fit: Fit | None
-    samples: int
     hypotheses: int
 
 
@@ -64,7 +63,7 @@ def find_consensus(c: Correspondences, rng: np.random.Generator) -> Consensus:
                     best, lead = fit, score
         if _chance_of_better(c, table, weight, lead, samples) < 1 - _CONFIDENCE:
             break
-    return Consensus(best, samples, hypotheses)
+    return Consensus(best, hypotheses)
 
 
 def _rivals(c: Correspondences) -> tuple[Index, Array]:

@@ -36,13 +36,12 @@ class EdgeFit:
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """`sensors` names the free sensors; `matrix` (6 S + Q, 6 S + Q) is the information of their
-    poses and the Q numbers (in units) after the target poses are eliminated (Schur complement),
-    `covariance` its inverse.
+    """`sensors` names the free sensors; `covariance` (6 S + Q, 6 S + Q) of their poses and the Q
+    numbers (in units) is the inverse of their information after the target poses are eliminated
+    (Schur complement).
     """
 
     sensors: tuple[str, ...]
-    matrix: Array
     covariance: Array
     fits: tuple[EdgeFit, ...]
 
@@ -93,7 +92,7 @@ def information(
     misfit, dof = _misfit(blocks, np.where(rests[:, None, None], 0.0, predicted))
     columns = blocks.chi2, leverage, misfit, dof
     fits = tuple(map(EdgeFit, every, *(c.tolist() for c in columns)))
-    return Information(free, matrix, covariance, fits)
+    return Information(free, covariance, fits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +129,7 @@ def eliminate(
     np.add.at(H_sn, s, -np.swapaxes(A, 1, 2) @ H[own, :6, 6:])
     H_nn = H[:, 6:, 6:].sum(axis=0) + np.diag(numbers.known)
     dense = np.swapaxes(H_ss, 1, 2).reshape(6 * sensors, 6 * sensors)
-    beside = H_sn.reshape(6 * sensors, -1)
+    beside = H_sn.reshape(6 * sensors, len(numbers))
     dense = np.block([[dense, beside], [beside.T, H_nn]])
     rows = np.swapaxes(H_ts, 1, 2).reshape(targets, 6, 6 * sensors)
     rows = np.concatenate([rows, H_tn], axis=2)

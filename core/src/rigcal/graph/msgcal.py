@@ -52,14 +52,9 @@ class MsgcalGraph:
 
 @dataclass(frozen=True, eq=False)
 class MsgcalSolution:
-    """`T_root_s` per sensor; `graph_error_m2`, the sum of squares of all edges but sensor-sensor.
-
-    `cost` is what was minimised: half the whitened sum of squares of all edges.
-    """
+    """`T_root_s` per sensor, and what is known of them."""
 
     sensors: dict[str, Array]
-    graph_error_m2: float
-    cost: float
     information: Information
 
 
@@ -92,11 +87,9 @@ def solve(
     redundancy = sum(r.rank for x in graph.exposures for r in x.relations) - 6 * len(free)
     variance = error / max(redundancy, 1) / graph.sigma_m**2
     covariance = variance * problem.covariance(values, free)
-    information = Information(free, _inverse(covariance), covariance, ())
+    information = Information(free, covariance, ())
     return MsgcalSolution(
         problem.sensors(values) | {s: sensors[s] for s in fixed},
-        error,
-        float(problem.graph.error(values)),
         information,
     )
 
@@ -243,7 +236,3 @@ def _error_function(rows: EdgeRows) -> Callable[[Any, Any, Any], Array]:
 
 def _poses(values: Any, keys: Sequence[int]) -> Array:
     return np.stack([values.atPose3(key).matrix() for key in keys])
-
-
-def _inverse(covariance: Array) -> Array:
-    return np.asarray(np.linalg.inv(covariance), np.float64) if len(covariance) else covariance

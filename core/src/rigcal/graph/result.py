@@ -85,9 +85,11 @@ def _joint_covariance(solution: Solution) -> JointCovariance:
 
 
 def _sigmas(stages: Stages, solution: Solution) -> dict[str, dict[str, Array]]:
-    """Standard deviations (6,) per sensor, by the noise as configured and as estimated."""
-    result = {}
-    for how, scales in (("configured", {}), ("estimated", solution.scales)):
+    """Standard deviations (6,) per sensor, by the noise as configured and, if it was, estimated."""
+    result, noises = {}, {"configured": dict[str, float]()}
+    if solution.scales:
+        noises["estimated"] = dict(solution.scales)
+    for how, scales in noises.items():
         edges = [replace(e, scale=scales.get(e.sensor, 1.0)) for e in solution.edges]
         info = information(
             edges, solution.sensors, solution.targets, stages.fixed, numbers=solution.numbers
@@ -189,5 +191,5 @@ def _warnings(pairs: Sequence[PairResult]) -> tuple[str, ...]:
     return tuple(
         f"{p.a} - {p.b}: {p.shared} shared exposures: {p.reason}"
         for p in pairs
-        if p.shared >= 5 and p.T_a_b is None and "do not determine a transform" not in p.reason
+        if p.shared >= 5 and p.T_a_b is None and p.can_join
     )

@@ -9,8 +9,8 @@ import numpy as np
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.geometry.shapes import tangent_basis
-from rigcal.graph.board import board_points, center_of, half_size, plane_of
+from rigcal.geometry.shapes import plane_of_target, tangent_basis
+from rigcal.graph.board import board_points, center_of, half_size
 from rigcal.graph.correspondence import MODEL_ERROR_M
 from rigcal.observation import Geometry, Observation, PlaneGeometry, PointGeometry, PoseGeometry
 from rigcal.targets.target import Target
@@ -108,7 +108,7 @@ def misfit(g: Geometry, T_s_t: Array, target: Target, *, in_plane: bool = True) 
     if isinstance(g, PointGeometry):
         apart: float = float(np.linalg.norm(se3.apply(T_s_t, g.target_point) - g.position))
         return apart
-    n, d = plane_of(PoseGeometry(T_s_t, np.eye(6)))
+    n, d = plane_of_target(T_s_t)
     across = float(np.sqrt(np.mean((board_points(g, half_size(target)) @ n + d) ** 2)))
     return float(np.hypot(across, _beyond(g, T_s_t, target, in_plane)))
 

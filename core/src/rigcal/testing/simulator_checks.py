@@ -6,7 +6,7 @@ import numpy as np
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.observation import Geometry, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
+from rigcal.graph.board import center_of
 from rigcal.testing.capability import needs
 from rigcal.testing.same import assert_same
 from rigcal.testing.stage import Stage
@@ -90,7 +90,7 @@ class SimulatorChecks(Stage):
         T_s_t = self.facing(float(np.mean(self.distances_m)))
         assert self.in_view(T_s_t).any(), "straight ahead is x (`optical`: z) of the sensor's frame"
         rng = np.random.default_rng(0)
-        place = _place(self.candidate(T_s_t, rng).geometry)
+        place = center_of(self.candidate(T_s_t, rng).geometry)
         ahead = self.forward[:, 0]
         across = place - (place @ ahead) * ahead
         half = float(np.linalg.norm(self.target.size)) / 2
@@ -111,17 +111,3 @@ class SimulatorChecks(Stage):
                 break
         assert found, "`sees` says yes to everything around the sensor"
         return np.stack(found)
-
-
-def _place(g: Geometry) -> Array:
-    """(3,) where the geometry puts the target."""
-    match g:
-        case PoseGeometry():
-            place: Array = g.T_s_t[:3, 3]
-            return place
-        case PlaneGeometry():
-            return g.center
-        case LineGeometry():
-            return (g.start + g.end) / 2
-        case PointGeometry():
-            return g.position

@@ -158,14 +158,13 @@ def board_poses(count, rng):
 
 def print_husky():
     """Seconds of every stage of `calibrate` for the seed's rig."""
-    from nees import observations
-
+    from rigcal_sim.features import observe_boards
     from rigcal_sim.scenario_file import load_scenario
 
     registry = Registry.from_entry_points()
     rig = load_rig(EXAMPLES / "husky.yaml", registry)
     scenario = load_scenario(EXAMPLES / "husky_scenario.yaml", rig, registry)
-    seen = observations(rig, registry, scenario, 0)
+    seen = observe_boards(rig, registry, scenario, 0).observations
     marks = [("", time.perf_counter())]
 
     def progress(stage, done, total):

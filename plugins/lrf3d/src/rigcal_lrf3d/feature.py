@@ -47,6 +47,12 @@ def fit(measured: Mapping[str, Any], config: Lrf3dConfig, target: Target) -> Det
         )
     if not np.isfinite(points).all():
         raise ObservationError("`points` holds a value that is not finite")
+    at_origin = int(np.count_nonzero(~points.any(axis=1)))
+    if at_origin:
+        raise ObservationError(
+            f"{at_origin} of {len(points)} `points` lie at the sensor's origin, where nothing can "
+            "be on the board: leave missing returns out"
+        )
     if len(points) < _MIN_POINTS:
         return Detection((), f"{len(points)} points on the board, at least {_MIN_POINTS} count")
     n, d = fit_plane(points)

@@ -9,7 +9,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.plugin.contract import SensorConfig, SensorType
 from rigcal.targets.target import Target
 
-LEAST_SEEN = 0.5
+_LEAST_SEEN = 0.5
 _LEAST_CHORD = 0.25
 _STEPS = np.linspace(-0.5, 0.5, 5)
 
@@ -25,7 +25,7 @@ def spots_in_view(T_s_t: Array, kind: SensorType, config: SensorConfig, target: 
         return np.empty((0, 3))
     spots = cut(T_s_t, target) if kind.flat else _spots(T_s_t, target)
     seen = np.ones(len(spots), bool) if kind.sees is None else kind.sees(spots, config)
-    if not len(spots) or np.mean(seen) < LEAST_SEEN:
+    if not len(spots) or np.mean(seen) < _LEAST_SEEN:
         return np.empty((0, 3))
     result: Array = spots[seen]
     return result

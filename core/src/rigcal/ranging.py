@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from rigcal.errors import RecordingError
 from rigcal.geometry.se3 import Array
 from rigcal.plugin.contract import Effects, SensorConfig
 from rigcal.plugin.refinable import Parameters, Refinable
@@ -102,6 +104,28 @@ class RangeConfig(SensorConfig, frozen=True):
         """The noise of ranges and angles."""
         angle = float(np.radians(self.sigma_angle_deg))
         return RangeNoise(self.sigma_m, self.sigma_per_m, self.sigma_per_m2, angle)
+
+    def kept(self, fields: Mapping[str, NDArray[Any]], origin: str) -> NDArray[np.bool_]:
+        """(N,) which points, given by their fields (N,), `filter` keeps.
+
+        RecordingError if it names a field that is not there, or keeps none of them.
+        """
+        keep = np.ones(len(next(iter(fields.values()))), dtype=bool)
+        for name, wanted in self.filter.items():
+            if name not in fields:
+                raise RecordingError(
+                    f"{origin}: filter names the field {name!r}, but the points have "
+                    f"{', '.join(fields)}"
+                )
+            values = np.asarray(fields[name])
+            low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
+            keep &= (values >= low) & (values <= high)
+            if len(values) and not keep.any():
+                raise RecordingError(
+                    f"{origin}: filter {dict(self.filter)} keeps none of the {len(values)} points; "
+                    f"{name} goes from {values.min():g} to {values.max():g}"
+                )
+        return keep
 
 
 def _bias_parameters(config: RangeConfig) -> Parameters:

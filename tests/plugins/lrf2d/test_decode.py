@@ -193,9 +193,9 @@ def test_a_filter_may_give_limits(tmp_path: Path) -> None:
     ("wanted", "complaint"),
     [
         ({"channel": 8}, "names the field 'channel', but the points have x, y, z, ring"),
-        ({"ring": 12}, "no point has ring 12; they have ring from 7 to 9"),
-        ({"ring": (12, 13)}, "no point has ring between 12 and 13"),
-        ({"ring": 9, "z": 0}, "no point passes the filter"),
+        ({"ring": 12}, "keeps none of the 20 points; ring goes from 7 to 9"),
+        ({"ring": (12, 13)}, "keeps none of the 20 points; ring goes from 7 to 9"),
+        ({"ring": 9, "z": 0}, "keeps none of the 20 points; z goes from -1 to 1"),
         ({}, "between -45.0 and 18.4 deg of elevation"),
     ],
 )

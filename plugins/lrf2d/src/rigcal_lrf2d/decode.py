@@ -122,34 +122,11 @@ def _check_one_ring(z: Array, x: Array, y: Array, message: Message) -> None:
 
 
 def _filtered(fields: Fields, message: Message, config: Lrf2dConfig) -> Fields:
-    """The rows whose fields have the values, or lie in the ranges, of the config's filter."""
-    count = len(next(iter(fields.values())))
-    keep = np.ones(count, dtype=bool)
-    for name, wanted in config.filter.items():
-        if name not in fields:
-            raise RecordingError(
-                f"{message.origin}: filter names the field {name!r}, but the points have "
-                f"{', '.join(fields)}"
-            )
-        values = np.asarray(fields[name])
-        low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
-        kept = (values >= low) & (values <= high)
-        if count and not kept.any():
-            raise RecordingError(
-                f"{message.origin}: no point has {name} {_in_words(wanted)}; they have {name} "
-                f"from {values.min():g} to {values.max():g}"
-            )
-        keep &= kept
+    """The rows that the config's filter keeps; RecordingError if there are none."""
+    keep = config.kept(fields, message.origin)
     if not keep.any():
-        what = "no point passes the filter" if count else "there are no points in it"
-        raise RecordingError(f"{message.origin}: {what}")
+        raise RecordingError(f"{message.origin}: there are no points in it")
     return {name: np.asarray(values)[keep] for name, values in fields.items()}
-
-
-def _in_words(wanted: float | tuple[float, float]) -> str:
-    if isinstance(wanted, tuple):
-        return f"between {wanted[0]:g} and {wanted[1]:g}"
-    return f"{wanted:g}"
 
 
 def _refuse_filter(message: Message, config: Lrf2dConfig) -> None:

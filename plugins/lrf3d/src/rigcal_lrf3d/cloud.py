@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rigcal.errors import RecordingError
 from rigcal.geometry.se3 import Array
@@ -44,7 +41,7 @@ def decode(message: Message, config: Lrf3dConfig) -> Cloud:
             f"expected x, y and z ({', '.join(missing)} missing)"
         )
     points = np.column_stack([np.asarray(fields[k], np.float64).ravel() for k in ("x", "y", "z")])
-    keep = _passes_filter(fields, message, config)
+    keep = config.kept(fields, message.origin)
     with np.errstate(invalid="ignore", over="ignore"):
         ranges = np.linalg.norm(points, axis=1)
     low, high = config.limits
@@ -55,25 +52,3 @@ def decode(message: Message, config: Lrf3dConfig) -> Cloud:
 def view(message: Message, config: Lrf3dConfig) -> FrameView:
     """The cloud as it is used, after the config's filter."""
     return FrameView(points=decode(message, config).points)
-
-
-def _passes_filter(
-    fields: Mapping[str, NDArray[Any]], message: Message, config: Lrf3dConfig
-) -> NDArray[np.bool_]:
-    """(N,) which points have the values, or lie in the ranges, of the config's filter."""
-    keep = np.ones(np.asarray(fields["x"]).size, dtype=bool)
-    for name, wanted in config.filter.items():
-        if name not in fields:
-            raise RecordingError(
-                f"{message.origin}: filter names the field {name!r}, but the points have "
-                f"{', '.join(fields)}"
-            )
-        values = np.asarray(fields[name]).ravel()
-        low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
-        keep &= (values >= low) & (values <= high)
-        if len(values) and not keep.any():
-            raise RecordingError(
-                f"{message.origin}: filter {dict(config.filter)} keeps none of the {len(values)} "
-                f"points; {name} goes from {values.min():g} to {values.max():g}"
-            )
-    return keep

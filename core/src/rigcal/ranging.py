@@ -60,7 +60,8 @@ class RangeConfig(SensorConfig, frozen=True):
     """The noise and the limits of a sensor of ranges; sensor types add their own fields.
 
     The noise of a range r has standard deviation `sigma_m + sigma_per_m r + sigma_per_m2 r^2`.
-    `range_bias_m` is taken off in residuals; a detector's first line or plane still has it.
+    `range_bias_m` is taken off in residuals and views; a detector's first line or plane still has
+    it.
     """
 
     range_min_m: float | None = Field(default=None, ge=0, description="nearest range used")

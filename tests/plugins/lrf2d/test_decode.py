@@ -62,6 +62,13 @@ def test_the_view_of_a_scan_is_its_returns_as_points() -> None:
     np.testing.assert_allclose(points, [[2, 0, 0], [0, 3, 0]], atol=1e-6)
 
 
+def test_the_view_is_without_the_bias() -> None:
+    assert LRF2D.view is not None
+    config = CONFIG.model_copy(update={"range_bias_m": 0.25})
+    points = LRF2D.view(laser_scan([2, 3]), config).points
+    assert np.linalg.norm(points, axis=1) == pytest.approx([1.75, 2.75])
+
+
 def test_a_message_without_limits_has_none() -> None:
     assert decode(laser_scan([100.0], low=0, high=0)).valid.all()
 

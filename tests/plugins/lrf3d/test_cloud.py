@@ -74,6 +74,12 @@ def test_what_is_encoded_is_decoded() -> None:
     np.testing.assert_array_equal(seen, points[np.linalg.norm(points, axis=1) <= 1.0])
 
 
+def test_the_view_is_without_the_bias() -> None:
+    assert LRF3D.view is not None
+    seen = LRF3D.view(message(COLUMNS), Lrf3dConfig(range_bias_m=0.5)).points
+    np.testing.assert_allclose(np.linalg.norm(seen, axis=1), [0.5, np.sqrt(6) - 0.5])
+
+
 def test_importing_the_plugin_imports_nothing_heavy() -> None:
     code = "import rigcal_lrf3d, sys; print({'open3d', 'scipy', 'libusb_package'} & {*sys.modules})"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +64,7 @@ def fuse(
     _check(rig, calibration)
     leader = _leader(rig, registry)
     messages = moment(rig, registry, recording, leader, number)
+    rig = _as_refined(rig, registry, calibration)
     views = {name: _view(rig, registry, name, m) for name, m in messages.items()}
     lags = {n: (m.stamp_ns - messages[leader].stamp_ns) * 1e-9 for n, m in messages.items()}
     clouds = {n: _in_root(calibration, n, v) for n, v in views.items() if v.points is not None}
@@ -93,6 +94,15 @@ def _check(rig: Rig, calibration: Calibration) -> None:
             f"the calibration does not place {', '.join(missing)} of this rig "
             f"(it has {', '.join(calibration.sensors)}); give the rig file that it was made with"
         )
+
+
+def _as_refined(rig: Rig, registry: Registry, calibration: Calibration) -> Rig:
+    """The rig with the numbers that its calibration refined."""
+    sensors = {
+        name: as_refined(config, registry.sensor_type(config.type), calibration.sensors[name])
+        for name, config in rig.sensors.items()
+    }
+    return replace(rig, sensors=sensors)
 
 
 def _leader(rig: Rig, registry: Registry) -> str:
@@ -135,7 +145,7 @@ def _seen(
     if kind.project is None:
         return np.zeros((len(points), 2)), np.zeros(len(points)), np.zeros(len(points), bool)
     p_c = se3.apply(se3.inverse(calibration.T(calibration.root, name)), points)
-    uv, inside = kind.project(p_c, as_refined(config, kind, calibration.sensors[name]))
+    uv, inside = kind.project(p_c, config)
     ranges = np.linalg.norm(p_c, axis=1)
     return uv, ranges, visible(uv, ranges, inside)
 

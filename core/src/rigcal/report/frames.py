@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from rigcal.calibration import Calibration
 from rigcal.errors import RecordingError
 from rigcal.observation import Observation
-from rigcal.plugin.contract import FrameView
+from rigcal.plugin.contract import FrameView, SensorConfig
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
 from rigcal.recording import open_recording
+from rigcal.report.sensor_errors import config_of
 from rigcal.rig import Rig
 
 Show = Callable[[Observation, FrameView], None]
@@ -18,6 +20,7 @@ Show = Callable[[Observation, FrameView], None]
 
 def show_frames(
     recording: Path,
+    calibration: Calibration,
     rig: Rig,
     registry: Registry,
     wanted: Iterable[Observation],
@@ -26,7 +29,7 @@ def show_frames(
 ) -> None:
     """Call `show` for each wanted observation whose frame the recording holds.
 
-    Frames are read one after the other, and never kept. Sensor types without `view`, and frames
+    Views are those of the configs as the calibration refined them. Frames are read one after the other, and never kept. Sensor types without `view`, and frames
     that cannot be decoded, are passed over: their reasons stand in the result.
     """
     by_sensor: dict[str, list[Observation]] = {}
@@ -37,20 +40,19 @@ def show_frames(
     done = 0
     for sensor, own in by_sensor.items():
         tell("reading pictures for the report", done, total)
-        _show_stream(recording, rig, registry, sensor, own, show)
+        config = config_of(calibration, rig, registry, sensor)
+        _show_stream(recording, config, registry, own, show)
         done += len(own)
     tell("reading pictures for the report", total, total)
 
 
 def _show_stream(
     recording: Path,
-    rig: Rig,
+    config: SensorConfig,
     registry: Registry,
-    sensor: str,
     own: list[Observation],
     show: Show,
 ) -> None:
-    config = rig.sensors[sensor]
     kind = registry.sensor_type(config.type)
     assert kind.view is not None
     formats = tuple(registry.recording_formats.values())

@@ -83,7 +83,7 @@ def pictures(
         else:
             thumbs[o.sensor, o.exposure] = painter.thumbnail(o, view)
 
-    show_frames(recording, rig, registry, wanted.values(), show, progress)
+    show_frames(recording, calibration, rig, registry, wanted.values(), show, progress)
     overlays = [
         painter.overlay(camera, laser, views)
         for camera, laser in pairs

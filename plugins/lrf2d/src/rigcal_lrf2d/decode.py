@@ -50,10 +50,10 @@ def decode(message: Message, config: Lrf2dConfig) -> Scan:
 
 
 def view(message: Message, config: Lrf2dConfig) -> FrameView:
-    """The returns of a scan as points (N, 3) of the sensor's frame."""
+    """The returns of a scan as points (N, 3) of the sensor's frame, without the config's bias."""
     scan = decode(message, config)
-    seen = scan.valid
-    return FrameView(points=scan.ranges[seen, None] * directions(scan.angles[seen]))
+    ranges, angles = scan.ranges[scan.valid], scan.angles[scan.valid]
+    return FrameView(points=(ranges - config.range_bias_m)[:, None] * directions(angles))
 
 
 def describe(message: Any) -> dict[str, Any]:

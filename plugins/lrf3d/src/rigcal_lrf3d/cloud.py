@@ -12,6 +12,7 @@ from rigcal.plugin import FrameView
 from rigcal.recording.cloud import CLOUD_TYPES, read_cloud
 from rigcal.recording.message import Message
 from rigcal_lrf3d.config import Lrf3dConfig
+from rigcal_lrf3d.plane import beams
 
 MESSAGE_TYPES = tuple(CLOUD_TYPES)
 
@@ -50,5 +51,10 @@ def decode(message: Message, config: Lrf3dConfig) -> Cloud:
 
 
 def view(message: Message, config: Lrf3dConfig) -> FrameView:
-    """The cloud as it is used, after the config's filter."""
-    return FrameView(points=decode(message, config).points)
+    """The cloud as it is used: after the config's filter, without its bias."""
+    return FrameView(points=without_bias(decode(message, config).points, config))
+
+
+def without_bias(points: Array, config: Lrf3dConfig) -> Array:
+    """Points (N, 3) moved back along their beams, from the origin, by the config's bias."""
+    return points - config.range_bias_m * beams(points)[1] if config.range_bias_m else points

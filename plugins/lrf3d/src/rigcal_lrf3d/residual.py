@@ -11,6 +11,7 @@ from rigcal.observation import Candidate, PlaneGeometry
 from rigcal.plugin.contract import Residual
 from rigcal.residual import beam_residual, biased_beam_residual
 from rigcal.targets.target import Target
+from rigcal_lrf3d.cloud import without_bias
 from rigcal_lrf3d.config import Lrf3dConfig
 from rigcal_lrf3d.plane import beams, range_errors, sigma_on
 
@@ -67,6 +68,5 @@ def measured_at(candidate: Candidate, config: Lrf3dConfig, target: Target, T_s_t
 
 
 def _points(candidate: Candidate, config: Lrf3dConfig) -> Array:
-    """Returns (N, 3) of a candidate, moved back along their beams by the bias of the config."""
-    points = np.asarray(candidate.measurement["points"], dtype=np.float64)
-    return points - config.range_bias_m * beams(points)[1] if config.range_bias_m else points
+    """Returns (N, 3) of a candidate, without the bias of the config."""
+    return without_bias(np.asarray(candidate.measurement["points"], dtype=np.float64), config)

@@ -29,8 +29,9 @@ def show_frames(
 ) -> None:
     """Call `show` for each wanted observation whose frame the recording holds.
 
-    Views are those of the configs as the calibration refined them. Frames are read one after the other, and never kept. Sensor types without `view`, and frames
-    that cannot be decoded, are passed over: their reasons stand in the result.
+    Views are those of the configs as the calibration refined them. Frames are read one after the
+    other, and never kept. Sensor types without `view`, and frames that cannot be decoded, are
+    passed over: their reasons stand in the result.
     """
     by_sensor: dict[str, list[Observation]] = {}
     for o in wanted:

@@ -6,7 +6,6 @@ from rigcal_camera import CAMERA, CameraConfig
 
 class TestCamera(SensorConformance):
     sensor_type = CAMERA
-    optical = True
     config = CameraConfig(
         topic="/camera/image_raw",
         width_px=960,
@@ -23,7 +22,6 @@ class TestCamera(SensorConformance):
 
 class TestFisheye(SensorConformance):
     sensor_type = CAMERA
-    optical = True
     config = CameraConfig(
         topic="/camera/image_raw",
         width_px=960,

@@ -59,9 +59,9 @@ class SensorConformance(
     `test_capability[offered: simulate]` or `[not offered: project]`, and a check that needs a
     missing part appears as `test_...[not offered: project]`.
 
-    Boards are shown before the sensor, 1.5 m to 2.6 m away. What to set when that does not fit:
+    Boards are shown before the sensor, 1.5 m to 2.6 m away: along x, or along z where the config
+    class says `optical = True`. What to set when that does not fit:
 
-    - `optical = True` for a sensor that looks along z (cameras) and not along x;
     - `distances_m`, or override `poses(rng, count)`, for another field of view;
     - override the property `target` for another board;
     - `noise_free_effects`, or the property `noise_free_config`, for noise that is not in fields

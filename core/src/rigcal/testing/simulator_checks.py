@@ -88,7 +88,7 @@ class SimulatorChecks(Stage):
     @needs("candidates")
     def test_board_straight_ahead_is_seen_straight_ahead(self) -> None:
         T_s_t = self.facing(float(np.mean(self.distances_m)))
-        assert self.in_view(T_s_t).any(), "straight ahead is x (`optical`: z) of the sensor's frame"
+        assert self.in_view(T_s_t).any(), "straight ahead is x (`optical`: z) of the frame"
         rng = np.random.default_rng(0)
         place = center_of(self.candidate(T_s_t, rng).geometry)
         ahead = self.forward[:, 0]

@@ -37,8 +37,6 @@ class Stage:
 
     sensor_type: ClassVar[SensorType]
     config: ClassVar[Any]
-    optical: ClassVar[bool] = False
-    """Whether the sensor looks along z (cameras: x right, y down) instead of x (z up)."""
     distances_m: ClassVar[tuple[float, float]] = (1.5, 2.6)
     """How far away the board is shown."""
     noise_free_effects: ClassVar[Effects | None] = None
@@ -65,6 +63,13 @@ class Stage:
         self.folder = tmp_path
 
     @property
+    def optical(self) -> bool:
+        """Whether the sensor looks along z (x right, y down) instead of x (z up): as its config
+        says of its frame.
+        """
+        return bool(self.config.optical)
+
+    @property
     def target(self) -> Target:
         """The board; override it for a sensor that needs another one."""
         return default_board()
@@ -85,7 +90,8 @@ class Stage:
                 return np.stack(found)
         raise AssertionError(
             f"of {_MOST_DRAWS} boards before the sensor only {len(found)} are wholly in view: "
-            "override `poses` (or `optical`, `distances_m`) in the test class"
+            "override `poses` or `distances_m` in the test class, or set `optical` in the config "
+            "class of a sensor that looks along z"
         )
 
     def message(self, T_s_t: Array, config: Any, rng: np.random.Generator) -> Message:

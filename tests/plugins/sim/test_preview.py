@@ -8,19 +8,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from rigcal.calibration import Calibration
 from rigcal.calibration_file import load_calibration
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.plugin import FrameView, Registry, SensorConfig, SensorType
 from rigcal.recording import open_recording
 from rigcal.rig import Rig, build_targets
+from rigcal.targets.target import Target, TargetConfig
 from rigcal_sim.dataset import simulate
 from rigcal_sim.preview import write_preview
 from rigcal_sim.preview.frames import open_stream, views
 from rigcal_sim.preview.levelled import levelled_rotation
 from rigcal_sim.preview.oblique import oblique_view
 from rigcal_sim.preview.overview import fan_of, field_of_view, sector_of
+from rigcal_sim.preview.panels import Sensor, draw_panel
 from rigcal_sim.scenario import ScenarioConfig
 
 MakeRig = Callable[..., Rig]
@@ -91,15 +95,15 @@ def test_a_sector_reaches_as_far_as_its_points() -> None:
 def test_pictures_are_upright_whatever_the_axes_of_the_root(rpy_deg: tuple[int, int, int]) -> None:
     """Level, a camera and a sensor mounted upside down; boards held upright within 25 degrees."""
     R_w_root, rng = se3.rotation_from_rpy(np.radians(rpy_deg)), np.random.default_rng(0)
-    boards = []
-    for _ in range(40):
+    boards = {}
+    for k in range(40):
         R_w_t = se3.rotation_from_rpy(rng.uniform(-0.4, 0.4, 3)) @ [
             [0, 0, -1],
             [-1, 0, 0],
             [0, 1, 0],
         ]
-        boards.append(se3.transform(R_w_root.T @ R_w_t, rng.normal(size=3)))
-    R = levelled_rotation(boards)
+        boards[str(k)] = se3.transform(R_w_root.T @ R_w_t, rng.normal(size=3))
+    R = levelled_rotation(Calibration("root", {}, target_poses=boards).up)
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(R @ R_w_root.T @ [0, 0, 1], [0, 0, 1], atol=1e-9)
 
@@ -122,6 +126,19 @@ def test_near_points_cover_far_ones_and_walls_are_left_out() -> None:
     assert (x < high[0] + 0.02).all()
     assert (y > low[1] - 0.02).all()
     assert (y < high[1] + 0.02).all()
+
+
+def test_of_an_image_without_a_lens_model_nothing_is_said() -> None:
+    """Which corners are in an image is not known of a type that offers no `project`."""
+    kind = looking_ahead(30, 9)
+    outline = np.array([[-0.5, -0.4], [0.5, -0.4], [0.5, 0.4], [-0.5, 0.4]])
+    target = Target("board", TargetConfig(type="plain"), outline, np.zeros((1, 3)))
+    nothing_there = replace(kind, project=lambda p, c: (p[:, :2], np.zeros(len(p), bool)))
+    for shown, note in ((kind, ""), (nothing_there, "no corner of the board in the image")):
+        axes = Figure().add_subplot()
+        sensor = Sensor("a", shown, CONFIG, target, np.eye(4), np.eye(3))
+        draw_panel(axes, sensor, FrameView(image=np.zeros((4, 6), np.uint8)))
+        assert axes.get_title(loc="right") == note
 
 
 def test_the_frame_shown_is_the_one_nearest_to_the_middle_of_the_hold(

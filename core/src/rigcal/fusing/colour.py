@@ -57,7 +57,7 @@ def by_range(ranges: Array) -> Image:
 
 
 def dots(picture: Image, uv: Array, colours: Image) -> None:
-    """Paint squares of 3 pixels, those that come later over the earlier."""
+    """Paint squares of 3 pixels (H, W, C) in colours (N, C), those that come later over others."""
     height, width = picture.shape[:2]
     square = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
     at = (np.round(uv).astype(np.intp)[:, None] + square).reshape(-1, 2)

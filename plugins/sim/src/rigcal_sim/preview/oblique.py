@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rigcal.fusing.colour import dots
 from rigcal.geometry.se3 import Array
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ class Picture:
     sensor's place (2,) in it, and what the colours mean.
     """
 
-    pixels: NDArray[np.float64]
+    pixels: NDArray[np.uint8]
     extent: tuple[float, float, float, float]
     outline: Array
     origin: Array
@@ -50,18 +51,16 @@ def oblique_view(points: Array, outline: Array, R_l_s: Array) -> Picture:
     kept = ((p_l >= low) & (p_l <= high)).all(axis=1)
     p_v, ranges = p_l[kept] @ R_v_l.T, np.linalg.norm(points[kept], axis=1)
     extent = _extent(subject @ R_v_l.T)
-    norm = Normalize(0.0, float(np.linalg.norm(board, axis=1).max()) + _AROUND_M)
+    farthest = float(np.linalg.norm(board, axis=1).max()) + _AROUND_M
+    norm = Normalize(ranges.min(initial=farthest), farthest)
     colours = colormaps["turbo"]
-    pixels = np.zeros((_HEIGHT_PX, _WIDTH_PX, 4))
+    pixels = np.zeros((_HEIGHT_PX, _WIDTH_PX, 4), np.uint8)
     # The farthest first: nearer points cover them.
     order = np.argsort(-p_v[:, 2])
     column = (p_v[order, 0] - extent[0]) / (extent[1] - extent[0]) * _WIDTH_PX
     row = (extent[3] - p_v[order, 1]) / (extent[3] - extent[2]) * _HEIGHT_PX
-    inside = (column >= 1) & (column < _WIDTH_PX) & (row >= 1) & (row < _HEIGHT_PX)
-    v, u = row[inside].astype(np.intp), column[inside].astype(np.intp)
-    corners = [[v - i, u - j] for i in range(2) for j in range(2)]
-    at = np.moveaxis(np.array(corners), 0, -1).reshape(2, -1)
-    pixels[at[0], at[1]] = np.repeat(colours(norm(ranges[order][inside])), 4, axis=0)
+    uv = np.column_stack([column, row]) - 0.5
+    dots(pixels, uv, colours(norm(ranges[order]), bytes=True))
     return Picture(
         pixels, extent, (board @ R_v_l.T)[:, :2], (sensor @ R_v_l.T)[0, :2], norm, colours
     )

@@ -84,7 +84,7 @@ def _draw_image(axes: Axes, sensor: Sensor, image: NDArray[np.uint8]) -> None:
     axes.imshow(_reduced(image), extent=extent, interpolation="nearest", **grey)
     axes.set_xticks([])
     axes.set_yticks([])
-    note = "no corner of the board in the image"
+    note = ""
     if sensor.kind.project is not None:
         uv, seen = sensor.kind.project(sensor.outline, sensor.config)
         axes.plot(*np.where(seen[:, None], uv, np.nan)[[*range(len(uv)), 0]].T, color=BOARD, lw=1)
@@ -93,8 +93,8 @@ def _draw_image(axes: Axes, sensor: Sensor, image: NDArray[np.uint8]) -> None:
         if seen.any() and sensor.shows_face:
             axes.plot(*uv[seen].T, "o", ms=2.6, mfc="none", mec="#22c55e", mew=0.7)
             note = f"{np.count_nonzero(seen)} of {len(uv)} corners in the image"
-        elif seen.any():
-            note = "the back of the board"
+        else:
+            note = "the back of the board" if seen.any() else "no corner of the board in the image"
     axes.set_xlim(*extent[:2])
     axes.set_ylim(*extent[2:])
     _title(axes, sensor.name, note)
@@ -131,6 +131,7 @@ def _draw_scan(axes: Axes, sensor: Sensor, points: Array) -> None:
 def _draw_cloud(axes: Axes, sensor: Sensor, points: Array) -> None:
     """The cloud around sensor and board from behind the sensor, coloured by range."""
     from matplotlib.cm import ScalarMappable
+    from matplotlib.patches import Rectangle
 
     picture = oblique_view(points, sensor.outline, sensor.R_l_s)
     axes.imshow(picture.pixels, extent=picture.extent, interpolation="nearest")
@@ -141,6 +142,9 @@ def _draw_cloud(axes: Axes, sensor: Sensor, points: Array) -> None:
     axes.set_xticks([])
     axes.set_yticks([])
     colours = ScalarMappable(picture.norm, picture.colours)
+    axes.add_patch(
+        Rectangle((0.88, 0.015), 0.11, 0.5, transform=axes.transAxes, fc="white", alpha=0.85)
+    )
     bar = axes.inset_axes((0.955, 0.05, 0.02, 0.4))
     axes.figure.colorbar(colours, cax=bar)
     bar.tick_params(labelsize=6, length=2, left=True, labelleft=True, right=False, labelright=False)

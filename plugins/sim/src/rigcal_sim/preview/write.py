@@ -63,7 +63,7 @@ def write_preview(
     """
     setting = _Setting(
         rig, registry, target, Path(recording), truth,
-        levelled_rotation(truth.target_poses.values()), Path(out),
+        levelled_rotation(truth.up), Path(out),
     )  # fmt: skip
     _check(setting)
     out = Path(out)

@@ -145,6 +145,18 @@ def test_camera_info_is_laid_out_as_ros_reads_it(
     np.testing.assert_array_equal(D[0, : len(camera.distortion)], camera.distortion)
 
 
+def test_camera_info_with_plain_lists_is_read() -> None:
+    K = [500.0, 0, 320, 0, 501.0, 240, 0, 0, 1]
+    content = {"image_width": 640, "image_height": 480, "camera_matrix": K}
+    content |= {"distortion_model": "plumb_bob", "distortion_coefficients": [-0.3, 0.1, 0, 0]}
+    read = REGISTRY.importers["camera-info"].read(yaml.safe_dump(content), "front")
+    assert read is not None
+    lens = read.sensors["front"]
+    assert lens["focal_px"] == [500, 501]
+    assert lens["principal_px"] == [320, 240]
+    assert lens["distortion"] == [-0.3, 0.1, 0, 0]
+
+
 def test_files_hold_the_lens_that_was_refined() -> None:
     start = _camera(-0.3, 0.1, 1e-4, -2e-5, refine=["lens"])
     names = CAMERA.refinable["lens"].parameters(start).names

@@ -312,6 +312,12 @@ def test_a_recording_without_sensors_is_refused(tmp_path: Path) -> None:
             yaml.safe_dump({"image_width": 4, "camera_matrix": {"data": [1.0] * 9}}),
             "the camera matrix has a skew of 1",
         ),
+        (
+            "{image_width: 4, camera_matrix: [1, 2]}",
+            "has shape (2,), expected 3 x 3 finite numbers",
+        ),
+        ("{image_width: 4, camera_matrix: [a, b]}", "camera_matrix: found ['a', 'b']; write its"),
+        ("{image_width: wide, camera_matrix: []}", "image_width: found 'wide'; write the number"),
         ("%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 1\n", "file"),
         ("a: b", "of no format that can be imported"),
     ],

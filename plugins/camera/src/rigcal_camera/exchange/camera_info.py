@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rigcal.errors import ConfigError
 from rigcal.exporting.text import commented_yaml
 from rigcal.geometry.se3 import Array
 from rigcal.plugin import Calibration, Exporter, Imported, Importer, Rig
@@ -57,19 +58,34 @@ def describe_camera_info(message: Any) -> dict[str, Any]:
 
 
 def read_camera_info(text: str, stem: str) -> Imported | None:
-    """The lens in a file of camera_info_manager."""
+    """The lens in a file of camera_info_manager; its matrices may be plain lists."""
     content = mapping_in(text)
-    matrix = content.get("camera_matrix")
-    if not isinstance(matrix, dict) or "image_width" not in content:
+    if not {"camera_matrix", "image_width"} <= content.keys():
         return None
-    K, D = (
-        np.array(content.get(key, {}).get("data", []), dtype=np.float64)
-        for key in ("camera_matrix", "distortion_coefficients")
-    )
-    size = (content["image_width"], content.get("image_height", 0))
+    K, D = (_numbers(content, key) for key in ("camera_matrix", "distortion_coefficients"))
+    size = (_size(content, "image_width"), _size(content, "image_height"))
     model = str(content.get("distortion_model", ""))
     fields = lens_fields(model, K.reshape(3, 3) if K.size == 9 else K, D.tolist(), size)
     return Imported({str(content.get("camera_name", stem)): fields})
+
+
+def _numbers(content: Mapping[Any, Any], key: str) -> Array:
+    """(N,) numbers of a matrix, row by row; none where the key is missing."""
+    value = content.get(key) or []
+    data = value.get("data", []) if isinstance(value, dict) else value
+    try:
+        return np.array(data, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        raise ConfigError(
+            f"{key}: found {data!r}; write its numbers as `data: [...]`, row by row"
+        ) from None
+
+
+def _size(content: Mapping[Any, Any], key: str) -> int:
+    value = content.get(key, 0)
+    if not isinstance(value, int):
+        raise ConfigError(f"{key}: found {value!r}; write the number of pixels")
+    return value
 
 
 CAMERA_INFO_FILE = Importer("camera-info", "ROS CameraInfo YAML: a lens", read_camera_info)

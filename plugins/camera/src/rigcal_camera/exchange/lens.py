@@ -36,14 +36,23 @@ def lens_fields(
         fields |= {"width_px": int(size[0]), "height_px": int(size[1])}
     K = np.asarray(K, dtype=np.float64)
     if K.shape != (3, 3) or not np.isfinite(K).all():
-        raise ConfigError(f"the camera matrix has shape {K.shape}, expected 3 x 3 finite numbers")
+        raise ConfigError(
+            f"the camera matrix has shape {K.shape}, expected 3 x 3 finite numbers; write all "
+            "nine, or leave the file out and give focal_px and principal_px in rig.yaml"
+        )
     if K[0, 0] == 0:
         return fields
     if model not in MODELS:
         known = ", ".join(filter(None, MODELS))
-        raise ConfigError(f"lens model '{model}' is not one that rigcal has (known: {known})")
+        raise ConfigError(
+            f"lens model '{model}' is not one that rigcal has (known: {known}): calibrate the lens "
+            "with one of these"
+        )
     if K[0, 1] != 0:
-        raise ConfigError(f"the camera matrix has a skew of {K[0, 1]:g}, which no lens model takes")
+        raise ConfigError(
+            f"the camera matrix has a skew of {K[0, 1]:g}, which no lens model takes: calibrate "
+            "the lens without skew"
+        )
     return fields | {
         "model": MODELS[model],
         "focal_px": [float(K[0, 0]), float(K[1, 1])],

@@ -9,7 +9,7 @@ from rigcal.calibration import Calibration, SensorResult
 from rigcal.diagnosis.observability import judge
 from rigcal.diagnosis.verdict import Verdict
 from rigcal.errors import NotDeterminedError, ObservationError
-from rigcal.exposures import by_exposure
+from rigcal.exposures import by_exposure, name_in_result
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.global_estimate import solve, start
@@ -100,14 +100,11 @@ def _task(rig: Rig, registry: Registry, observations: Sequence[Observation]) -> 
 
 def _by_target(rig: Rig, observations: Sequence[Observation]) -> Exposures:
     """Exposures by name; boards that stand in one exposure together are exposures of their own."""
-    exposures = by_exposure(observations)
-    if len(rig.targets) == 1:
-        return exposures
     split: dict[str, dict[str, Observation]] = {}
-    for name, seen in exposures.items():
+    for seen in by_exposure(observations).values():
         for sensor, o in seen.items():
-            own = f"{name}/{rig.target_of(sensor)}"
-            split.setdefault(own, {})[sensor] = replace(o, exposure=own)
+            name = name_in_result(rig, o)
+            split.setdefault(name, {})[sensor] = replace(o, exposure=name)
     return split
 
 

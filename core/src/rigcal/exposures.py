@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigcal.observation import Observation
+from rigcal.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,16 @@ def by_exposure(observations: Sequence[Observation]) -> dict[str, dict[str, Obse
     for o in sorted(observations, key=lambda o: _natural(o.exposure)):
         result.setdefault(o.exposure, {})[o.sensor] = o
     return result
+
+
+def name_in_result(rig: Rig, observation: Observation) -> str:
+    """The name of an observation's exposure in a calibration of the rig.
+
+    Targets that stand in one exposure together have a pose each: with several targets, the name of
+    the one that the sensor looks at follows.
+    """
+    name = observation.exposure
+    return f"{name}/{rig.target_of(observation.sensor)}" if len(rig.targets) > 1 else name
 
 
 def _natural(name: str) -> tuple[int, int, str]:

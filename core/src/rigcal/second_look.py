@@ -13,6 +13,7 @@ from rigcal.association.gathering import combine
 from rigcal.association.place import places_of
 from rigcal.association.rest import STILL_M
 from rigcal.calibration import Calibration
+from rigcal.exposures import name_in_result
 from rigcal.frames import DetectedFrame, Look, Stream, look_at, streams_of
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Observation
@@ -79,10 +80,8 @@ def _wanted(
     wanted = {}
     for number, o in enumerate(observations):
         stream = streams[o.sensor]
-        # Targets that stand in one exposure together have poses of their own.
-        names = (o.exposure, f"{o.exposure}/{rig.target_of(o.sensor)}")
-        exposure = next((name for name in names if name in calibration.target_poses), None)
-        if stream.kind.near is None or exposure is None or not o.frames:
+        exposure = name_in_result(rig, o)
+        if stream.kind.near is None or exposure not in calibration.target_poses or not o.frames:
             continue
         if o.candidates and (o.sensor, exposure) not in rejected:
             continue

@@ -177,6 +177,30 @@ def test_names_in_the_data_of_the_3d_view_cannot_end_their_script() -> None:
     assert "</script><b>" not in page
 
 
+def test_exposures_in_which_several_targets_stand_are_told_apart() -> None:
+    """As `calibrate` names them: each target has a pose of its own in every exposure."""
+    one, observations, _, registry = make_case(["a", "b"], 2)
+    board = {"type": "checkerboard", "columns": 5, "rows": 7, "square_size_m": 0.1}
+    sensors = {
+        sensor: {"type": "beacon", "files": f"{sensor}*.csv", "target": target}
+        for sensor, target in (("a", "door"), ("b", "wall"))
+    }
+    targets = {"door": board, "wall": {**board, "square_size_m": 0.2}}
+    rig = parse_rig({"version": 1, "root": "a", "targets": targets, "sensors": sensors}, registry)
+    poses = {f"pose{i}/{target}": np.eye(4) for i in (0, 1) for target in targets}
+    rejected = (Rejection("b", "pose1/wall", "b_pose1.csv", "too far off"),)
+    two = replace(one, target_poses=poses, rejected=rejected)
+    page = render(two, observations, rig, registry)
+    marks = [row for row in Cells(page).rows if len(row) == 3 and row[0].startswith("pose")]
+    assert marks == [
+        ["pose0/door", "●", ""], ["pose0/wall", "", "●"],
+        ["pose1/door", "●", ""], ["pose1/wall", "", "✕"],
+    ]  # fmt: skip
+    assert ["b", "pose1/wall", "b_pose1.csv", "too far off"] in Cells(page).rows
+    widths = {b["name"]: np.ptp(np.array(b["outline"])[:, 0]) for b in scene(page)["boards"]}
+    assert widths["pose1/wall"] == pytest.approx(2 * widths["pose1/door"])
+
+
 def test_the_page_loads_nothing_from_outside(text: str) -> None:
     for tag, attributes in Cells(text).tags:
         assert tag not in {"link", "iframe", "image"}

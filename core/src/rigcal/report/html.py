@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rigcal.calibration import Calibration
+from rigcal.exposures import name_in_result
 from rigcal.files import write_text
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -19,7 +21,7 @@ from rigcal.progress import Progress
 from rigcal.report import tables
 from rigcal.report.pictures import Pictures, pictures
 from rigcal.report.scene3d import scene3d
-from rigcal.report.sensor_errors import config_of, errors_by_sensor, exposure_of
+from rigcal.report.sensor_errors import config_of, errors_by_sensor
 from rigcal.rig import Rig, build_targets
 
 
@@ -60,6 +62,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    observations = [replace(o, exposure=name_in_result(rig, o)) for o in observations]
     shown = Pictures()
     if recording is not None:
         shown = pictures(recording, calibration, observations, rig, registry, progress)
@@ -152,11 +155,7 @@ def _boards(
 ) -> Mapping[str, Array]:
     """The outline of the target (K, 3) in the root's frame, by exposure of the solution."""
     targets = build_targets(rig, registry)
-    shown = {
-        exposure_of(calibration, rig, o): rig.target_of(o.sensor)
-        for o in observations
-        if o.candidates
-    }
+    shown = {o.exposure: rig.target_of(o.sensor) for o in observations if o.candidates}
     first = next(iter(targets))
     return {
         exposure: se3.apply(

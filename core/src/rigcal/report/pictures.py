@@ -27,7 +27,7 @@ from rigcal.plugin.contract import FrameView
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
 from rigcal.report.frames import show_frames
-from rigcal.report.sensor_errors import config_of, exposure_of, used
+from rigcal.report.sensor_errors import config_of, used
 from rigcal.rig import Rig, build_targets
 
 _OVERLAY_PX, _THUMB_PX = 640, 176
@@ -66,7 +66,7 @@ def pictures(
 ) -> Pictures:
     """All pictures of a report; RecordingError when the recording cannot be read."""
     pairs = _overlay_pairs(calibration, observations, rig, registry)
-    shown = {(o.sensor, o.exposure) for o in used(calibration, observations, rig)}
+    shown = {(o.sensor, o.exposure) for o in used(calibration, observations)}
     missed = [o for o in observations if (o.sensor, o.exposure) not in shown and o.origin]
     # What was found and not used asks for an explanation first.
     missed.sort(key=lambda o: not o.candidates)
@@ -97,7 +97,7 @@ def _overlay_pairs(
 ) -> list[tuple[Observation, Observation]]:
     """For each image sensor and each sensor of points, one exposure that both used."""
     by_exposure: dict[str, dict[str, Observation]] = {}
-    for o in used(calibration, observations, rig):
+    for o in used(calibration, observations):
         by_exposure.setdefault(o.exposure, {})[o.sensor] = o
     images = {
         name
@@ -183,11 +183,10 @@ class _Painter:
 
     def _expected(self, o: Observation) -> list[Array]:
         """Where the solution has the target of this exposure, (K, 3) in the sensor's frame."""
-        name = exposure_of(self.calibration, self.rig, o)
-        if name not in self.calibration.target_poses:
+        if o.exposure not in self.calibration.target_poses:
             return []
         T_s_root = se3.inverse(self.calibration.T(self.calibration.root, o.sensor))
-        T_s_t = T_s_root @ self.calibration.target_poses[name]
+        T_s_t = T_s_root @ self.calibration.target_poses[o.exposure]
         return [se3.apply(T_s_t, self._outline(o.sensor))]
 
 

@@ -54,26 +54,15 @@ class SensorErrors:
         return result
 
 
-def exposure_of(calibration: Calibration, rig: Rig, o: Observation) -> str:
-    """The name of an observation's exposure in the calibration.
-
-    Targets that stand in one exposure together are exposures of their own there.
-    """
-    own = f"{o.exposure}/{rig.target_of(o.sensor)}"
-    return own if len(rig.targets) > 1 else o.exposure
-
-
-def used(
-    calibration: Calibration, observations: Sequence[Observation], rig: Rig
-) -> list[Observation]:
-    """The observations that the solution rests on."""
+def used(calibration: Calibration, observations: Sequence[Observation]) -> list[Observation]:
+    """The observations that the solution rests on; their exposures are named as there."""
     rejected = {(r.sensor, r.exposure) for r in calibration.rejected}
     return [
         o
         for o in observations
         if o.candidates
-        and (name := exposure_of(calibration, rig, o)) in calibration.target_poses
-        and (o.sensor, name) not in rejected
+        and o.exposure in calibration.target_poses
+        and (o.sensor, o.exposure) not in rejected
     ]
 
 
@@ -82,7 +71,7 @@ def errors_by_sensor(
 ) -> dict[str, SensorErrors]:
     """In the order of the calibration; sensors that contributed nothing are left out."""
     targets, by_sensor = build_targets(rig, registry), dict[str, list[Observation]]()
-    for o in used(calibration, observations, rig):
+    for o in used(calibration, observations):
         by_sensor.setdefault(o.sensor, []).append(o)
     return {
         name: _errors_of(
@@ -90,7 +79,7 @@ def errors_by_sensor(
             registry.sensor_type(rig.sensors[name].type),
             config_of(calibration, rig, registry, name),
             targets[rig.target_of(name)],
-            [exposure_of(calibration, rig, o) for o in by_sensor[name]],
+            [o.exposure for o in by_sensor[name]],
             _poses(calibration, rig, registry, name, by_sensor[name]),
         )
         for name in calibration.sensors
@@ -115,7 +104,7 @@ def _poses(
     as large, at 1 / s of the distance for a sensor that measures directions only.
     """
     T_s_root = se3.inverse(calibration.T(calibration.root, sensor))
-    T = np.array([calibration.target_poses[exposure_of(calibration, rig, o)] for o in own])
+    T = np.array([calibration.target_poses[o.exposure] for o in own])
     poses: Array = T_s_root @ T
     scale = calibration.refined_targets.get(rig.target_of(sensor), {}).get("scale")
     if scale is not None and registry.sensor_type(rig.sensors[sensor].type).angular:

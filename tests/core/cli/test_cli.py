@@ -17,7 +17,7 @@ from rigcal import __version__
 from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
 from rigcal.calibration_file import load_calibration, save_calibration
 from rigcal.cli import main
-from rigcal.errors import NotConnectedError
+from rigcal.errors import ConfigError, InputError, NotConnectedError, RecordingError
 from rigcal.observation import Candidate, Detection, Observation, PointGeometry
 from rigcal.observation_file import load_observations
 from rigcal.plugin import SensorConfig, SensorType, hookimpl
@@ -188,6 +188,47 @@ def test_data_without_an_answer_exit_1_and_keep_the_observations(
     assert capsys.readouterr().err == "rigcal: stern shares no exposure with bow\n"
     kept = sorted(p.name for p in (place / "r").iterdir())
     assert kept == ["observations.npz", "verdict.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("module", "function", "error", "status", "left"),
+    [
+        ("rigcal.rig", "load_rig", ConfigError("no such key"), 2, set()),
+        ("rigcal.detection", "detect", RecordingError("cut short"), 2, set()),
+        ("rigcal.estimation", "calibrate", MemoryError(), 1, {"observations.npz"}),
+        (
+            "rigcal.report", "write_report", InputError("disk full"), 2,
+            {"calibration.yaml", "observations.npz"},
+        ),
+    ],
+)  # fmt: skip
+def test_a_run_that_fails_leaves_nothing_of_the_one_before(
+    module: str,
+    function: str,
+    error: Exception,
+    status: int,
+    left: set[str],
+    place: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out = place / "r"
+    out.mkdir()
+    for name in ("calibration.yaml", "observations.npz", "report.html", "verdict.yaml"):
+        (out / name).write_text("of the run before")
+    (out / "notes.txt").write_text("mine")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(import_module(module), function, refuse)
+    assert _run("calibrate", "rig.yaml", "recording", "--out", "r") == status
+    assert {p.name for p in out.iterdir()} == left | {"notes.txt"}
+    assert all(b"before" not in (out / name).read_bytes() for name in left)
+
+
+def test_observations_in_the_folder_itself_are_calibrated_again(place: Path) -> None:
+    assert _run("calibrate", "rig.yaml", "recording", "--out", "r", "-q") == 0
+    assert _run("calibrate", "rig.yaml", "r/observations.npz", "--out", "r", "-q") == 0
 
 
 def test_unusable_out_is_told_before_any_work(

@@ -31,7 +31,13 @@ def calibrate(
         typer.Argument(metavar="DATA", help="A recording, or observations.npz made by `detect`."),
     ],
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Folder for the results; replaces those of an earlier run.",
+        ),
     ],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random sampling.")] = 0,
     formulation: Annotated[
@@ -70,10 +76,10 @@ def calibrate(
     from rigcal.rig import load_rig
     from rigcal.second_look import found_again, look_again
 
+    _clear(out, data)
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)
     method = Method(formulation, not no_filter, initial, accept_weak)
-    make_folder(out)
     with progress_bar(quiet or json) as progress, _verdict_of_failure(out):
         observations, about = _observations(rig, registry, rig_file, data, out, progress, jobs)
         calibration = estimate(rig, registry, observations, seed, progress, method)
@@ -89,7 +95,7 @@ def calibrate(
         made_from = {"versions": versions(rig, registry), **about}
         calibration = replace(calibration, provenance={**calibration.provenance, **made_from})
         recording = data if data.suffix != ".npz" else None
-        files = write_results(
+        files = _write_results(
             out, calibration, observations, rig, registry, report, recording, progress
         )
     if json:
@@ -103,22 +109,36 @@ def calibrate(
             print_line(f"{name:13} {path}")
 
 
+def _clear(out: Path, data: Path) -> None:
+    """Make the folder, without the results of an earlier run: if this one fails, however it does,
+    they would pass for its own.
+    """
+    from rigcal.errors import InputError
+
+    make_folder(out)
+    for name in ("calibration.yaml", "observations.npz", "report.html", "verdict.yaml"):
+        path = out / name
+        if path.exists() and not (data.exists() and path.samefile(data)):
+            try:
+                path.unlink()
+            except OSError as error:
+                raise InputError(f"{path}: cannot be replaced: {error.strerror}") from error
+
+
 @contextmanager
 def _verdict_of_failure(out: Path) -> Iterator[None]:
-    """Write why there is no result, if so; one of an earlier run would tell of other data."""
+    """Write why there is no result, if so."""
     from rigcal.diagnosis.verdict_file import save_verdict, verdict_of_error
     from rigcal.errors import CalibrationError
 
     try:
         yield
     except CalibrationError as error:
-        for name in ("calibration.yaml", "report.html"):
-            (out / name).unlink(missing_ok=True)
         save_verdict(out / "verdict.yaml", verdict_of_error(error))
         raise
 
 
-def write_results(
+def _write_results(
     out: Path,
     calibration: Calibration,
     observations: Sequence[Observation],
@@ -137,16 +157,11 @@ def write_results(
     if calibration.verdict is not None:
         files["verdict"] = out / "verdict.yaml"
         save_verdict(files["verdict"], {"result": "given", **calibration.verdict.as_mapping()})
-    else:
-        (out / "verdict.yaml").unlink(missing_ok=True)
     if report:
         from rigcal.report import write_report
 
         files["report"] = out / "report.html"
         write_report(files["report"], calibration, observations, rig, registry, recording, progress)
-    else:
-        # One of an earlier run would tell of another result.
-        (out / "report.html").unlink(missing_ok=True)
     return {name: str(path) for name, path in files.items()}
 
 

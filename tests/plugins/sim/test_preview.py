@@ -15,12 +15,12 @@ from rigcal.calibration_file import load_calibration
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.plugin import FrameView, Registry, SensorConfig, SensorType
-from rigcal.recording import open_recording
+from rigcal.recording import nearest_message, open_recording
 from rigcal.rig import Rig, build_targets
 from rigcal.targets.target import Target, TargetConfig
 from rigcal_sim.dataset import simulate
 from rigcal_sim.preview import write_preview
-from rigcal_sim.preview.frames import open_stream, views
+from rigcal_sim.preview.frames import views
 from rigcal_sim.preview.levelled import levelled_rotation
 from rigcal_sim.preview.oblique import oblique_view
 from rigcal_sim.preview.overview import fan_of, field_of_view, sector_of
@@ -151,11 +151,12 @@ def test_the_frame_shown_is_the_one_nearest_to_the_middle_of_the_hold(
     with open_recording(summary.recordings[0]) as recording:
         for config in rig.sensors.values():
             stamps = np.array([m.stamp_ns for m in recording.read(config.source)])
-            stream = open_stream(recording, config.source)
             for start, end in truth.holds_ns.values():
                 middle = (start + end) // 2
                 best = np.abs(stamps - middle).min()
-                assert abs(stream.nearest(middle).stamp_ns - middle) == best
+                assert (
+                    abs(nearest_message(recording, config.source, middle).stamp_ns - middle) == best
+                )
 
 
 def test_what_cannot_be_shown_is_said(
@@ -165,8 +166,7 @@ def test_what_cannot_be_shown_is_said(
     summary = simulate(rig, registry, CARRIED, 1, tmp_path, jobs=1)
     hold = next(iter(load_calibration(summary.truth).holds_ns.values()))
     with open_recording(summary.recordings[0]) as recording:
-        streams = {name: open_stream(recording, c.source) for name, c in rig.sensors.items()}
-        seen = views(rig, registry, streams, hold)
+        seen = views(rig, registry, recording, hold)
         assert seen["a"] == "sensor type 'ranger' offers no view"
         shown = SimpleNamespace(
             sensor_type=lambda name: replace(
@@ -174,7 +174,7 @@ def test_what_cannot_be_shown_is_said(
             )
         )
         before = hold[0] - 10**9
-        assert views(rig, shown, streams, (before, before + 1000)) == dict.fromkeys(  # type: ignore[arg-type]
+        assert views(rig, shown, recording, (before, before + 1000)) == dict.fromkeys(  # type: ignore[arg-type]
             "ab", "no frame while the board was held still"
         )
 

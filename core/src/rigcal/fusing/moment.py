@@ -8,7 +8,7 @@ from pathlib import Path
 from rigcal.errors import ConfigError
 from rigcal.plugin.contract import SensorConfig, SensorType
 from rigcal.plugin.registry import Registry
-from rigcal.recording import Message, Recording, open_recording
+from rigcal.recording import Message, Recording, nearest_message, open_recording
 from rigcal.rig import Rig
 
 
@@ -23,15 +23,14 @@ def moment(
     """
     formats = tuple(registry.recording_formats.values())
     kinds = {name: registry.sensor_type(config.type) for name, config in rig.sensors.items()}
-    definitions = {k: v for kind in kinds.values() for k, v in kind.message_definitions.items()}
-    with open_recording(Path(recording), definitions, formats) as opened:
+    with open_recording(Path(recording), registry.message_definitions, formats) as opened:
         lead = _numbered(opened, leader, rig.sensors[leader], number)
         found = {leader: lead}
         for name, config in rig.sensors.items():
             if name != leader and _is_shown(kinds[name]):
-                nearest = _nearest(opened, config, lead)
-                if nearest is not None:
-                    found[name] = nearest
+                message = _beside(opened, config, lead)
+                if message is not None:
+                    found[name] = message
     return {name: found[name] for name in rig.sensors if name in found}
 
 
@@ -50,16 +49,8 @@ def _numbered(opened: Recording, name: str, config: SensorConfig, number: int | 
     return next(iter(opened.read(config.source, index, index + 1)))
 
 
-def _nearest(opened: Recording, config: SensorConfig, lead: Message) -> Message | None:
-    best: Message | None = None
-    for message in opened.read(config.source):
-        if lead.exposure is not None:
-            if message.exposure == lead.exposure:
-                return message
-            continue
-        off = abs(message.stamp_ns - lead.stamp_ns)
-        if best is None or off < abs(best.stamp_ns - lead.stamp_ns):
-            best = message
-        elif message.stamp_ns > lead.stamp_ns:
-            break
-    return best
+def _beside(opened: Recording, config: SensorConfig, lead: Message) -> Message | None:
+    """The message of the same exposure (None if there is none), or the one nearest in time."""
+    if lead.exposure is None:
+        return nearest_message(opened, config.source, lead.stamp_ns)
+    return next((m for m in opened.read(config.source) if m.exposure == lead.exposure), None)

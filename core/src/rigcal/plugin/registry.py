@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rigcal.importing.importer import Importer
     from rigcal.plugin.contract import SensorType
     from rigcal.recording.format import RecordingFormat
+    from rigcal.recording.message import Definitions
     from rigcal.targets.target import TargetType
 
 GROUP = DISTRIBUTION = "rigcal"
@@ -175,6 +176,15 @@ class Registry:
     def sensor_types(self) -> Mapping[str, SensorType]:
         """By name."""
         return dict(self._tables["rigcal_sensor_types"].entries)
+
+    @property
+    def message_definitions(self) -> Definitions:
+        """Text of the .msg files that sensor types bring, by ROS name."""
+        return {
+            name: text
+            for kind in self.sensor_types.values()
+            for name, text in kind.message_definitions.items()
+        }
 
     @property
     def target_types(self) -> Mapping[str, TargetType]:

@@ -42,11 +42,8 @@ def propose_rig(
     first. A sensor of which something is missing stands in comments. `root` is by default the
     first sensor that sees in three dimensions. InputError where nothing can be made of it.
     """
-    definitions = {
-        k: v for kind in registry.sensor_types.values() for k, v in kind.message_definitions.items()
-    }
     formats = tuple(registry.recording_formats.values())
-    with open_recording(recording, definitions, formats) as opened:
+    with open_recording(recording, registry.message_definitions, formats) as opened:
         sensors, notes = sensors_in(opened, registry)
         if not sensors:
             raise InputError(f"{recording}: no topic is of a known sensor{_listing(opened)}")

@@ -2,6 +2,7 @@
 
 from rigcal.recording.format import RecordingFormat
 from rigcal.recording.message import Message, Recording, Source, TimedRecording
+from rigcal.recording.nearest import nearest_message
 from rigcal.recording.open import BUILTIN_FORMATS, open_recording
 
 __all__ = [
@@ -11,5 +12,6 @@ __all__ = [
     "RecordingFormat",
     "Source",
     "TimedRecording",
+    "nearest_message",
     "open_recording",
 ]

@@ -21,7 +21,7 @@ from rigcal.recording import open_recording
 from rigcal.rig import Rig
 from rigcal.targets import Target
 from rigcal.workers import in_order
-from rigcal_sim.preview.frames import open_stream, views
+from rigcal_sim.preview.frames import views
 from rigcal_sim.preview.levelled import levelled_rotation
 from rigcal_sim.preview.overview import write_overview
 from rigcal_sim.preview.page import write_page
@@ -121,12 +121,9 @@ def _write_pages(setting: _Setting, names: Sequence[str]) -> int:
     root = setting.truth.root
     T_root_s = {name: setting.truth.T(root, name) for name in rig.sensors}
     with open_recording(setting.recording) as recording:
-        streams = {
-            name: open_stream(recording, config.source) for name, config in rig.sensors.items()
-        }
         for name in names:
             T_root_t = setting.truth.target_poses[name]
-            seen = views(rig, registry, streams, setting.truth.holds_ns[name])
+            seen = views(rig, registry, recording, setting.truth.holds_ns[name])
             in_view = sensors_that_see(rig, registry, setting.target, T_root_t, T_root_s)
             sensors = [
                 (_sensor(setting, sensor, T_root_t, T), seen[sensor])

@@ -13,6 +13,7 @@ import pytest
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.keys import Keys
 
 from rigcal import Registry, build_targets, calibrate, load_rig, write_report
 from rigcal.geometry import se3
@@ -92,6 +93,14 @@ def test_the_rig_turns_by_mouse_and_zooms_by_wheel(shown: Any) -> None:
     shown.execute_script(wheel, canvas)
     assert float(canvas.get_attribute("data-size")) < 0.7 * view["size"]
     assert canvas.screenshot_as_png != turned
+
+
+def test_the_rig_turns_by_keys_and_never_over_the_pole(shown: Any) -> None:
+    canvas = shown.find_element("id", "rig3d")
+    yaw = float(canvas.get_attribute("data-yaw"))
+    canvas.send_keys(Keys.ARROW_LEFT, *[Keys.ARROW_UP] * 20)
+    assert float(canvas.get_attribute("data-yaw")) == pytest.approx(yaw - 0.1, abs=1e-3)
+    assert float(canvas.get_attribute("data-pitch")) == pytest.approx(1.55, abs=1e-3)
 
 
 def test_parts_of_the_3d_view_can_be_hidden(shown: Any) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rigcal.fusing.colour import by_range, dots, sample, visible
+from rigcal.fusing.colour import by_range, dots, dots_by_range, sample, visible
 
 
 def seen_from_origin(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -60,3 +60,13 @@ def test_near_is_blue_and_far_is_red() -> None:
     colours = by_range(np.linspace(1, 9, 50)).astype(int)
     assert colours[5, 2] > colours[5, 0]
     assert colours[-3, 0] > colours[-3, 2]
+
+
+def test_nearer_points_cover_farther_ones() -> None:
+    """And of points equally far, the last, on every machine."""
+    uv, ranges = np.full((40, 2), 5.0), np.repeat([9.0, 1.0, 4.0, 1.0], 10)
+    picture = np.zeros((10, 10, 3), np.uint8)
+    dots_by_range(picture, uv, ranges)
+    np.testing.assert_array_equal(picture[5, 5], by_range(ranges)[-1])
+    assert picture[5, 5, 2] > picture[5, 5, 0]
+    dots_by_range(picture, np.zeros((0, 2)), np.zeros(0))

@@ -1,6 +1,7 @@
 """Laws of SE(3), on random transforms."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -73,3 +74,9 @@ def test_functions_broadcast_over_leading_dimensions():
     assert T.shape == (5, 4, 4, 4)
     np.testing.assert_allclose(se3.log(T), se3.log(se3.exp(xi)), atol=1e-12)
     np.testing.assert_allclose(se3.inverse(T)[2, 3], se3.inverse(T[2, 3]))
+
+
+@pytest.mark.parametrize("rpy", [[0.1, -0.2, 3.0], [-1.5, 1.2, -2.8], [0.0, np.pi / 2, 0.7]])
+def test_rpy_give_the_rotation_back(rpy):
+    R = se3.rotation_from_rpy(np.array(rpy))
+    np.testing.assert_allclose(se3.rotation_from_rpy(se3.rpy_from_rotation(R)), R, atol=1e-12)

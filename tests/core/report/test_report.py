@@ -19,7 +19,7 @@ from rigcal.plugin import SensorConfig, SensorType, hookimpl
 from rigcal.plugin.registry import Registry
 from rigcal.report import write_report
 from rigcal.report.html import render
-from rigcal.report.tables import natural_order, rpy_from_rotation
+from rigcal.report.tables import natural_order
 from rigcal.rig import Rig, parse_rig
 
 
@@ -283,9 +283,3 @@ def test_a_calibration_without_estimates_can_be_shown() -> None:
 def test_exposures_are_listed_in_counting_order() -> None:
     names = ["pose10", "pose2", "pose1", "17", "9"]
     assert sorted(names, key=natural_order) == ["9", "17", "pose1", "pose2", "pose10"]
-
-
-@pytest.mark.parametrize("rpy", [[0.1, -0.2, 3.0], [-1.5, 1.2, -2.8], [0.0, np.pi / 2, 0.7]])
-def test_angles_give_the_rotation_back(rpy: list[float]) -> None:
-    R = se3.rotation_from_rpy(np.array(rpy))
-    np.testing.assert_allclose(se3.rotation_from_rpy(rpy_from_rotation(R)), R, atol=1e-12)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigcal.cli.detect import RigFile
 from rigcal.cli.output import Json, Quiet, print_json, print_line
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def target(
-    rig_file: Annotated[Path, typer.Argument(metavar="RIG", help="The rig file (YAML).")],
+    rig_file: RigFile,
     out: Annotated[
         Path,
         typer.Option("--out", "-o", metavar="FILE", help="The page: .pdf, .ps, .svg or .png."),

@@ -56,6 +56,12 @@ def by_range(ranges: Array) -> Image:
     return result
 
 
+def dots_by_range(picture: Image, uv: Array, ranges: Array) -> None:
+    """Paint points at pixels uv (N, 2), coloured by range (N,); nearer ones cover farther ones."""
+    order = np.argsort(-ranges, kind="stable")
+    dots(picture, uv[order], by_range(ranges)[order])
+
+
 def dots(picture: Image, uv: Array, colours: Image) -> None:
     """Paint squares of 3 pixels (H, W, C) in colours (N, C), those that come later over others."""
     height, width = picture.shape[:2]

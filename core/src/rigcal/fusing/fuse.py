@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigcal.calibration import Calibration, as_refined
 from rigcal.errors import ConfigError
-from rigcal.fusing.colour import Image, by_range, dots, sample, visible
+from rigcal.fusing.colour import Image, dots_by_range, sample, visible
 from rigcal.fusing.moment import moment
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -40,7 +40,6 @@ class Fused:
     sensors: tuple[str, ...]
     camera: NDArray[np.intp]
     cameras: tuple[str, ...]
-    flat: frozenset[str]
     overlays: Mapping[str, Image] = field(default_factory=dict)
     lag_s: Mapping[str, float] = field(default_factory=dict)
     places: Mapping[str, Array] = field(default_factory=dict)
@@ -82,7 +81,7 @@ def fuse(
         new = shown & solid & (camera < 0)
         colours[new], camera[new] = sample(images[name], uv[new]), index
     return Fused(
-        leader, points, colours, sensor, tuple(clouds), camera, cameras, flat, overlays, lags,
+        leader, points, colours, sensor, tuple(clouds), camera, cameras, overlays, lags,
         {n: calibration.T(calibration.root, n)[:3, 3] for n in messages}, calibration.up,
     )  # fmt: skip
 
@@ -151,8 +150,7 @@ def _seen(
 
 
 def _overlay(image: Image, uv: Array, ranges: Array) -> Image:
-    """A copy of the image (H, W, 3) with points on it; the farthest first, nearer cover them."""
+    """A copy of the image (H, W, 3) with points on it."""
     picture = np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image.copy()
-    order = np.argsort(-ranges, kind="stable")
-    dots(picture, uv[order], by_range(ranges)[order])
+    dots_by_range(picture, uv, ranges)
     return picture

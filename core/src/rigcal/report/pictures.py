@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.calibration import Calibration
-from rigcal.fusing.colour import Image, by_range, dots
+from rigcal.fusing.colour import Image, dots_by_range
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import (
@@ -89,7 +89,7 @@ def pictures(
         for camera, laser in pairs
         if {(camera.sensor, camera.exposure), (laser.sensor, laser.exposure)} <= set(views)
     ]
-    return Pictures(tuple(overlays), thumbs, len(missed) - len(kept))
+    return Pictures(tuple(o for o in overlays if o is not None), thumbs, len(missed) - len(kept))
 
 
 def _overlay_pairs(
@@ -131,21 +131,19 @@ class _Painter:
 
     def overlay(
         self, camera: Observation, laser: Observation, views: Mapping[tuple[str, str], FrameView]
-    ) -> Overlay:
+    ) -> Overlay | None:
+        """None if what the sensors saw is no image, or no points."""
         image = views[camera.sensor, camera.exposure].image
         points = views[laser.sensor, laser.exposure].points
         if image is None or points is None:
-            return Overlay(camera.sensor, laser.sensor, camera.exposure, "")
+            return None
         expected = self._expected(camera)
         picture = self._on_image(camera.sensor, image, _OVERLAY_PX, [], expected)
         T_c_l = self.calibration.T(camera.sensor, laser.sensor)
         p_c = se3.apply(T_c_l, points[np.all(np.isfinite(points), axis=1)])
         uv, inside = self._project(camera.sensor, p_c)
         scale = picture.shape[1] / image.shape[1]
-        ranges = np.linalg.norm(p_c[inside], axis=1)
-        # The farthest first: nearer points cover them.
-        order = np.argsort(-ranges)
-        dots(picture, scale * uv[inside][order], by_range(ranges)[order])
+        dots_by_range(picture, scale * uv[inside], np.linalg.norm(p_c[inside], axis=1))
         return Overlay(camera.sensor, laser.sensor, camera.exposure, _jpeg(picture))
 
     def _on_image(

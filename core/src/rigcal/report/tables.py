@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rigcal.calibration import Calibration, Rejection
+from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Observation
 
@@ -75,14 +76,6 @@ def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
     return tuple((0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts)
 
 
-def rpy_from_rotation(R: Array) -> Array:
-    """Roll, pitch, yaw (3,) in rad about fixed x, y, z; where pitch is +-90 deg, roll is 0."""
-    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
-    if np.hypot(R[0, 0], R[1, 0]) < 1e-9:
-        return np.array([0.0, pitch, np.arctan2(-R[0, 1], R[1, 1])])
-    return np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
-
-
 def headline(calibration: Calibration) -> str:
     """The result in one sentence, after the verdict if that is that it is none."""
     sensors, verdict = calibration.sensors, calibration.verdict
@@ -119,7 +112,7 @@ def transform_rows(calibration: Calibration) -> list[TransformRow]:
                 sensor=name,
                 parent=result.parent,
                 translation_mm=_numbers(T[:3, 3] * 1e3, "{:z.2f}"),
-                rpy_deg=_numbers(np.degrees(rpy_from_rotation(T[:3, :3])), "{:z.4f}"),
+                rpy_deg=_numbers(np.degrees(se3.rpy_from_rotation(T[:3, :3])), "{:z.4f}"),
                 sigma_mm=_numbers(sigma_mm, "{:.2g}"),
                 sigma_deg=_numbers(sigma_deg, "{:.2g}"),
             )

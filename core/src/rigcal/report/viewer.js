@@ -103,6 +103,9 @@
     canvas.dataset.yaw = view.yaw.toFixed(4); canvas.dataset.pitch = view.pitch.toFixed(4); canvas.dataset.size = view.size.toFixed(4);
   }
 
+  // Beyond the poles, up would be down.
+  function tilt(angle) { view.pitch = Math.max(-1.55, Math.min(1.55, view.pitch + angle)); }
+
   const held = new Map();
   let spread = 0;
   canvas.addEventListener("pointerdown", (event) => { held.set(event.pointerId, event); canvas.setPointerCapture(event.pointerId); spread = 0; });
@@ -117,7 +120,7 @@
       spread = now;
     } else {
       view.yaw -= 0.008 * (event.clientX - last.clientX);
-      view.pitch = Math.max(-1.55, Math.min(1.55, view.pitch + 0.008 * (event.clientY - last.clientY)));
+      tilt(0.008 * (event.clientY - last.clientY));
     }
     draw();
   });
@@ -125,7 +128,7 @@
   canvas.addEventListener("keydown", (event) => {
     const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
     if (!turn) return;
-    event.preventDefault(); view.yaw += turn[0]; view.pitch += turn[1]; draw();
+    event.preventDefault(); view.yaw += turn[0]; tilt(turn[1]); draw();
   });
   document.getElementById("fit-rig").addEventListener("click", () => { view = { ...view, size: rig.size * 2.2, centre: rig.middle }; draw(); });
   document.getElementById("fit-all").addEventListener("click", () => { view = { ...start }; draw(); });

@@ -26,7 +26,9 @@ def test_a_file_holds_a_point_per_line(tmp_path):
     np.testing.assert_array_equal(frame, [[1, 2, 3], [4, 5, 6]])
 
 
-@pytest.mark.parametrize("text", ["1.0,2.0\n", "here\n"])
-def test_a_file_of_something_else_is_refused(tmp_path, text):
-    with pytest.raises(RecordingError, match=r"0001\.csv: .*expected x,y,z"):
+@pytest.mark.parametrize(
+    ("text", "found"), [("1,2,3\n1.0,2.0\n", "line 2: found 2 numbers, "), ("here\n", "")]
+)
+def test_a_file_of_something_else_is_refused(tmp_path, text, found):
+    with pytest.raises(RecordingError, match=rf"0001\.csv: {found}expected x,y,z"):
         SKELETON.decode(_message(tmp_path, text), CONFIG)

@@ -25,8 +25,11 @@ def decode(message: rp.Message, config: SkeletonConfig) -> rp.Array:
             rows = [[float(word) for word in line.split(",")] for line in text.splitlines()]
         except (OSError, ValueError) as error:
             raise rp.RecordingError(f"{message.origin}: expected x,y,z in m: {error}") from error
-    if any(len(row) != 3 for row in rows):
-        raise rp.RecordingError(f"{message.origin}: found {len(rows[0])} numbers, expected x,y,z")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != 3:
+            raise rp.RecordingError(
+                f"{message.origin}: line {number}: found {len(row)} numbers, expected x,y,z"
+            )
     frame = np.array(rows, np.float64).reshape(-1, 3)
     return frame[np.isfinite(frame).all(axis=1)]
 

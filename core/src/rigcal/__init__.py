@@ -37,12 +37,13 @@ if TYPE_CHECKING:
     )
     from rigcal.observation_file import load_observations, save_observations
     from rigcal.observer import Observer
+    from rigcal.planning import Plan, Proposal, Sigma, plan
     from rigcal.plugin.registry import Registry
     from rigcal.printing import write_target_page
     from rigcal.progress import Progress
     from rigcal.proposal import propose_rig
     from rigcal.recording.message import Message
-    from rigcal.report import write_report
+    from rigcal.report import write_plan_picture, write_report
     from rigcal.rig import Rig, build_targets, load_rig, parse_rig, rig_schema
     from rigcal.second_look import look_again
     from rigcal.skeleton import new_plugin
@@ -58,14 +59,17 @@ _HOME = {
     "Method": "graph.method",
     "Observation": "observation",
     "Observer": "observer",
+    "Plan": "planning",
     "PlaneGeometry": "observation",
     "PointGeometry": "observation",
     "PoseGeometry": "observation",
     "Progress": "progress",
+    "Proposal": "planning",
     "Registry": "plugin.registry",
     "Rig": "rig",
     "RigcalError": "errors",
     "SensorResult": "calibration",
+    "Sigma": "planning",
     "build_targets": "rig",
     "calibrate": "estimation",
     "calibration_of_poses": "comparison",
@@ -80,12 +84,14 @@ _HOME = {
     "look_again": "second_look",
     "new_plugin": "skeleton",
     "parse_rig": "rig",
+    "plan": "planning",
     "propose_rig": "proposal",
     "rig_schema": "rig",
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
     "write_export": "exporting",
     "write_fused": "fusing",
+    "write_plan_picture": "report",
     "write_report": "report",
     "write_target_page": "printing",
 }
@@ -101,14 +107,17 @@ __all__ = [
     "Method",
     "Observation",
     "Observer",
+    "Plan",
     "PlaneGeometry",
     "PointGeometry",
     "PoseGeometry",
     "Progress",
+    "Proposal",
     "Registry",
     "Rig",
     "RigcalError",
     "SensorResult",
+    "Sigma",
     "build_targets",
     "calibrate",
     "calibration_of_poses",
@@ -123,12 +132,14 @@ __all__ = [
     "look_again",
     "new_plugin",
     "parse_rig",
+    "plan",
     "propose_rig",
     "rig_schema",
     "save_calibration",
     "save_observations",
     "write_export",
     "write_fused",
+    "write_plan_picture",
     "write_report",
     "write_target_page",
 ]

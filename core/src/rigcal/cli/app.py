@@ -19,6 +19,7 @@ from rigcal.cli.export import export
 from rigcal.cli.fuse import fuse
 from rigcal.cli.init import init
 from rigcal.cli.new_plugin import new_plugin
+from rigcal.cli.plan import plan
 from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
 from rigcal.cli.target import target
@@ -29,6 +30,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "init": init,
     "detect": detect,
     "calibrate": calibrate,
+    "plan": plan,
     "evaluate": evaluate,
     "compare": compare,
     "export": export,

@@ -11,6 +11,7 @@ import numpy as np
 State = Literal["determined", "weak", "open"]
 AXES = (*(f"rotation about {a}" for a in "xyz"), *(f"translation along {a}" for a in "xyz"))
 """Of the sensor's own frame, in the order of tangent vectors."""
+PLAN = "`rigcal plan RIG --observations observations.npz` says where to show the board next."
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Verdict:
         result = [self.summary]
         for sensor in (*self.withheld, *self.weak):
             result += _lines(sensor, self.sensors[sensor], self.reference)
-        return result
+        return result + [PLAN] * (len(result) > 1)
 
     def as_mapping(self) -> dict[str, Any]:
         """The same as plain data; `sigma` in rad and m, None where an axis is open."""

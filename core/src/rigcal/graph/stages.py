@@ -66,7 +66,7 @@ def first_stages(task: Task, seed: int, progress: Progress | None = None) -> Sta
     A pair that loops show to be wrong does not count.
     """
     pairs, warnings = check_loops(pairwise(task, seed, progress or (lambda *_: None)))
-    given, fixed = _given_poses(task.rig)
+    given, fixed = given_poses(task.rig)
     groups = components(task.rig.sensors, pairs, given)
     if len(groups) > 1:
         pairs = tuple(_loosened(task, seed, groups, pair) for pair in pairs)
@@ -130,7 +130,7 @@ def _determines(pair: tuple[Observation, Observation]) -> bool:
     return pairing_of(a, b) is not None
 
 
-def _given_poses(rig: Rig) -> tuple[dict[str, Array], frozenset[str]]:
+def given_poses(rig: Rig) -> tuple[dict[str, Array], frozenset[str]]:
     """Poses `T_root_s` that the rig prescribes, and which sensors keep theirs (with the root)."""
     given, fixed = {rig.root: np.eye(4)}, {rig.root}
     pending = {n for n, c in rig.sensors.items() if (c.fixed or c.initial) and n != rig.root}

@@ -101,7 +101,7 @@ def _not_connected(
     wanted = " and ".join(f"{a} and {b}" for a, b in joins) or "a sensor of each group"
     lines.append(
         f"record the board where {wanted} see it at the same time, in at least 5 poses with "
-        "different tilts; or check these sensors' topics and target"
+        "different tilts (`rigcal plan` says where); or check these sensors' topics and target"
     )
     return NotConnectedError("\n".join(lines), [sorted(g) for g in groups], joins)
 

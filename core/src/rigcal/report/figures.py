@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SETTINGS = Lock()
+SETTINGS = Lock()
+"""Matplotlib's settings belong to the whole process."""
 _VIEWS = (("x", "y"), ("x", "z"), ("y", "z"))
 _AXIS_COLOURS = ("#c0392b", "#27ae60", "#2464b4")
 _INK, _GRID = "#222222", "#e6e9ec"
@@ -88,8 +89,7 @@ def _svg(figure: Figure) -> str:
     import matplotlib
 
     buffer = io.StringIO()
-    # Matplotlib's settings belong to the whole process.
-    with _SETTINGS, matplotlib.rc_context({"svg.hashsalt": "rigcal", "svg.fonttype": "none"}):
+    with SETTINGS, matplotlib.rc_context({"svg.hashsalt": "rigcal", "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     return re.sub(r"<metadata>.*?</metadata>\s*", "", text[text.index("<svg") :], flags=re.DOTALL)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
+from rigcal.geometry.directions import circle, sphere
 from rigcal.geometry.se3 import Array
 from rigcal.plugin import Registry
 from rigcal.rig import Rig
@@ -45,7 +46,7 @@ class Coverage:
         for name, sensor in rig.sensors.items():
             kind = registry.sensor_type(sensor.type)
             middle = np.sqrt(self.distances[1:] * self.distances[:-1])
-            d_s = _circle() if kind.flat else _sphere()
+            d_s = circle(_DIRECTIONS) if kind.flat else sphere(_DIRECTIONS)
             seen = np.ones(len(d_s), bool)
             if kind.sees is not None:
                 seen = np.any([kind.sees(r * d_s, sensor) for r in middle], axis=0)
@@ -105,18 +106,3 @@ def spread(directions: Array, count: int) -> Array:
         nearest = np.maximum(nearest, directions @ directions[chosen[-1]])
     result: Array = directions[chosen]
     return result
-
-
-def _sphere() -> Array:
-    """(N, 3) unit directions, evenly spread (Fibonacci lattice)."""
-    k = np.arange(_DIRECTIONS) + 0.5
-    z = 1 - 2 * k / _DIRECTIONS
-    turn = np.pi * (1 + np.sqrt(5)) * k
-    flat = np.sqrt(1 - z**2)
-    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
-
-
-def _circle() -> Array:
-    """(N, 3) unit directions in the plane z = 0."""
-    turn = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    return np.column_stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)])

@@ -6,7 +6,7 @@ from zlib import crc32
 
 import numpy as np
 
-from rigcal.geometry import se3
+from rigcal.geometry import directions, se3
 from rigcal.geometry.se3 import Array
 from rigcal.targets import Target
 from rigcal_sim.scenario import ScenarioConfig
@@ -30,17 +30,9 @@ def board_pose(bearing_deg: float, radius_m: float, height_m: float, rpy_deg: Ar
 def facing(away: Array, p_w: Array, rpy_deg: Array) -> Array:
     """`T_w_t` (4, 4) of a board at `p_w` whose back is turned `away`, a unit vector (3,).
 
-    Its upper edge is level; then it is rotated by roll about its normal, pitch about its
-    horizontal axis x, yaw about its y.
+    Its upper edge is level but for the rotation of `rigcal.geometry.directions.facing`.
     """
-    side = np.cross(_UP, -away)
-    # Straight above or below a sensor every edge is level.
-    side = side / np.linalg.norm(side) if np.linalg.norm(side) > 1e-6 else np.array([0.0, 1.0, 0.0])
-    R_w_level = np.column_stack([side, np.cross(-away, side), -away])
-    roll, pitch, yaw = np.radians(rpy_deg)
-    axes = np.eye(3)
-    R = se3.exp_so3(yaw * axes[1]) @ se3.exp_so3(pitch * axes[0]) @ se3.exp_so3(roll * axes[2])
-    return se3.transform(R_w_level @ R, p_w)
+    return se3.transform(directions.facing(away, _UP, rpy_deg), p_w)
 
 
 def has_space(target: Target, T_w_t: Array, scenario: ScenarioConfig) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rigcal.files import replacing
 from rigcal.geometry import se3
+from rigcal.geometry.directions import sphere
 from rigcal.geometry.se3 import Array
 from rigcal.plugin import SensorConfig, SensorType
 from rigcal_sim.preview.style import COLOURS, INK, QUIET, frame_box, metric_axes
@@ -65,7 +66,7 @@ def field_of_view(kind: SensorType, config: SensorConfig, T_l_s: Array, boards: 
 
     They lie at 0.85 of the boards' middle distance, nearer for a sensor that does not reach so far.
     """
-    directions = _circle() if kind.flat else _sphere()
+    directions = _circle() if kind.flat else sphere(_DIRECTIONS)
     middles = boards.mean(axis=1) - T_l_s[:3, 3]
     reach = _REACH * float(np.median(np.linalg.norm(middles, axis=1)))
     for _ in range(8):
@@ -99,14 +100,6 @@ def fan_of(points: Array, place: Array) -> Array:
     gaps = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
     ordered = np.roll(points, -int(np.argmax(gaps)), axis=0)
     return ordered if gaps.max() < 2 * np.median(gaps) else np.concatenate([ordered, place[None]])
-
-
-def _sphere() -> Array:
-    """Unit directions all around, evenly spread (Fibonacci lattice)."""
-    k = np.arange(_DIRECTIONS) + 0.5
-    z, turn = 1 - 2 * k / _DIRECTIONS, np.pi * (1 + 5**0.5) * k
-    flat = np.sqrt(1 - z**2)
-    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
 
 
 def _circle() -> Array:

@@ -1,0 +1,156 @@
+"""Predicted uncertainty, and the board poses that a recording lacks most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigcal.calibration import Calibration
+from rigcal.errors import ConfigError
+from rigcal.geometry.se3 import Array
+from rigcal.graph.stages import given_poses
+from rigcal.observation import Observation
+from rigcal.planning.candidates import draw_candidates
+from rigcal.planning.choice import Judge, choose, typical
+from rigcal.planning.gain import Pool, can_be_planned, weigh
+from rigcal.planning.recorded import Recorded, nothing_recorded, recorded
+from rigcal.planning.result import Plan, Proposal
+from rigcal.planning.site import Site
+from rigcal.planning.words import describe
+from rigcal.plugin.registry import Registry
+from rigcal.progress import Progress
+from rigcal.rig import Rig
+
+EXPOSURES = (10, 20, 40, 80)
+# Candidates for all sensors alike, and as many again for those that are known least.
+_CANDIDATES = 100
+_LEAST_KNOWN = 0.5
+_BATCH = 16
+_DRAWS = 25
+_PROPOSALS = 5
+
+
+def plan(
+    rig: Rig,
+    registry: Registry,
+    observations: Sequence[Observation] | None = None,
+    calibration: Calibration | None = None,
+    exposures: Sequence[int] = EXPOSURES,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Plan:
+    """How well the sensors will be known, and where to show the board next.
+
+    Without observations: the standard deviations to expect of recordings of so many `exposures`,
+    with board poses spread over the views of all sensors. With them: what they tell so far, and the
+    five board poses that shrink the worst standard deviation most, chosen greedily so that they are
+    good together.
+
+    Poses of the sensors are those of `calibration`, or `pose` in the rig file; observations are
+    calibrated first, and go before them. Of sensor types that simulate, residuals at simulated
+    observations say what a board pose would tell; others are named in `Plan.unplanned`. Numbers
+    that the rig asks to refine are taken as known in what is planned. ConfigError for sensors
+    whose pose nothing tells, and if no two sensors see a board at a common place; other errors as
+    of `calibrate`. The same input and seed give the same plan.
+    """
+    if observations is None:
+        so_far = nothing_recorded(rig, calibration)
+    else:
+        so_far = recorded(rig, registry, observations, calibration, seed, progress)
+    site = Site.of(rig, registry, so_far.T_root_s, so_far.boards)
+    rng = np.random.default_rng(seed)
+    pool = _pool(site, so_far, rng, progress or (lambda *_: None))
+    planned = frozenset(s for pose in pool.poses for s in pose.seen_by)
+    judge = _judge(rig, so_far, planned)
+    predicted, examples = {}, so_far.boards
+    if observations is None:
+        draws = [rng.permutation(len(pool.poses)) for _ in range(_DRAWS)]
+        predicted = {
+            n: typical(judge, [_of_recording(pool, draw, n) for draw in draws]) for n in exposures
+        }
+        shown = [pool.poses[i] for i in draws[0][: min(exposures)]]
+        examples = tuple((pose.target, pose.T_root_t) for pose in shown)
+    return Plan(
+        reference=rig.root if rig.root in judge.fixed else min(judge.fixed),
+        T_root_s=so_far.T_root_s,
+        predicted=predicted,
+        recorded=None if observations is None else judge.sigmas(so_far.information),
+        proposals=() if observations is None else _proposals(site, pool, judge, so_far),
+        boards=examples,
+        unjoined=so_far.unjoined,
+        unplanned=_unplanned(site, planned),
+        up=site.up,
+    )
+
+
+def _pool(site: Site, so_far: Recorded, rng: np.random.Generator, tell: Progress) -> Pool:
+    """Board poses to choose from, weighed; ConfigError if there are none."""
+    poses = draw_candidates(site, _counts(site.rig, so_far), rng)
+    parts = []
+    for start in range(0, len(poses), _BATCH):
+        tell("board poses", start, len(poses))
+        parts.append(weigh(site, poses[start : start + _BATCH], so_far.scales, rng))
+    tell("board poses", len(poses), len(poses))
+    kept = tuple(pose for part in parts for pose in part.poses)
+    if not kept:
+        raise ConfigError(
+            f"no two sensors of rig '{site.rig.name}' see the board at a common place: check the "
+            "poses of its sensors and the size of the board"
+        )
+    return Pool(kept, np.concatenate([part.information for part in parts]))
+
+
+def _counts(rig: Rig, so_far: Recorded) -> dict[str, int]:
+    """How many candidates are drawn in the view of each sensor."""
+    _, fixed = given_poses(rig)
+    names = tuple(rig.sensors)
+    sigmas = Judge(names, fixed, frozenset()).sigmas(so_far.information)
+    most = max((sigma.size for sigma in sigmas.values()), default=0.0)
+    least = [s for s in names if s in sigmas and sigmas[s].size >= _LEAST_KNOWN * most] or names
+    share = {s: _CANDIDATES // len(least) * (s in least) for s in names}
+    return {s: -(-_CANDIDATES // len(names)) + share[s] for s in names}
+
+
+def _judge(rig: Rig, so_far: Recorded, planned: frozenset[str]) -> Judge:
+    """Sensors are judged from the root and what is fixed to it, if any of those can be planned for
+    or has been recorded; else from the first sensor that can.
+    """
+    _, fixed = given_poses(rig)
+    at = {s: i for i, s in enumerate(rig.sensors)}
+    told = {s for s in fixed if so_far.information[6 * at[s] : 6 * at[s] + 6].any()}
+    if not fixed & planned and not told:
+        fixed = frozenset({next(s for s in rig.sensors if s in planned)})
+    return Judge(tuple(rig.sensors), fixed, planned - fixed)
+
+
+def _of_recording(pool: Pool, order: NDArray[np.int64], exposures: int) -> Array:
+    """Information (6 S, 6 S) of the first exposures in an order; once through, all over again."""
+    rounds, rest = divmod(exposures, len(pool.poses))
+    total = pool.information[order[:rest]].sum(axis=0)
+    result: Array = total + rounds * pool.information.sum(axis=0)
+    return result
+
+
+def _proposals(site: Site, pool: Pool, judge: Judge, so_far: Recorded) -> tuple[Proposal, ...]:
+    known, proposals = so_far.information, []
+    for i in choose(judge, known, pool.information, _PROPOSALS):
+        known, pose = known + pool.information[i], pool.poses[i]
+        proposals.append(
+            Proposal(
+                pose.target, pose.T_root_t, pose.seen_by, describe(site, pose), judge.sigmas(known)
+            )
+        )
+    return tuple(proposals)
+
+
+def _unplanned(site: Site, planned: frozenset[str]) -> dict[str, str]:
+    """Why no board pose is planned for a sensor."""
+    reasons = {}
+    for name, config in site.rig.sensors.items():
+        if not can_be_planned(site.kinds[name]):
+            reasons[name] = f"its type '{config.type}' does not simulate what it would see"
+        elif name not in planned:
+            reasons[name] = "no board pose was found that it sees together with another sensor"
+    return reasons

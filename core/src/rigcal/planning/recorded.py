@@ -1,0 +1,185 @@
+"""What was recorded so far: where the sensors and boards are, and what it tells of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rigcal.calibration import Calibration
+from rigcal.errors import ConfigError, NotConnectedError
+from rigcal.estimation import prepare
+from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.graph import global_estimate
+from rigcal.graph.known import known_information
+from rigcal.graph.method import Method
+from rigcal.graph.solve import Solution
+from rigcal.observation import Observation
+from rigcal.plugin.registry import Registry
+from rigcal.progress import Progress
+from rigcal.rig import Rig
+
+Link = tuple[str, str, Array]
+"""Sensors a and b, and `T_a_b` (4, 4)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """`T_root_s` of all sensors, and `information` (6 S, 6 S) of their poses, none being held.
+
+    `boards` are targets and `T_root_t` (4, 4), `scales` the sensors' noise over the configured one.
+    `unjoined` sensors are where the rig file or a calibration has them.
+    """
+
+    T_root_s: Mapping[str, Array]
+    information: Array
+    boards: tuple[tuple[str, Array], ...]
+    scales: Mapping[str, float]
+    unjoined: tuple[str, ...]
+
+
+def nothing_recorded(rig: Rig, calibration: Calibration | None) -> Recorded:
+    """Poses from the rig file or a calibration alone.
+
+    ConfigError names the sensors whose poses neither gives.
+    """
+    T_root_s = _placed(rig, {rig.root: np.eye(4)}, (), _links(rig, calibration))
+    nothing = np.zeros((6 * len(T_root_s), 6 * len(T_root_s)))
+    return Recorded(T_root_s, nothing, (), {}, ())
+
+
+def recorded(
+    rig: Rig,
+    registry: Registry,
+    observations: Sequence[Observation],
+    calibration: Calibration | None,
+    seed: int,
+    progress: Progress | None,
+) -> Recorded:
+    """Calibrated from the observations, group by group where nothing links all sensors.
+
+    Poses that the observations leave open are one of many that explain them. Groups hang from each
+    other by the poses in the rig file or in `calibration`; ConfigError names the sensors that
+    neither those nor the observations place.
+    """
+    groups = _groups(rig, registry, observations, seed, progress)
+    within = [
+        (own.root, s, T) for own, found in groups for s, T in found.sensors.items() if s != own.root
+    ]
+    joined = _reached({rig.root: np.eye(4)}, within)
+    T_root_s = _placed(rig, joined, within, _links(rig, calibration))
+    at = {s: i for i, s in enumerate(rig.sensors)}
+    information = np.zeros((6 * len(at), 6 * len(at)))
+    boards: list[tuple[str, Array]] = []
+    scales: dict[str, float] = {}
+    for own, found in groups:
+        rows = np.concatenate([np.arange(6) + 6 * at[s] for s in found.sensors])
+        information[np.ix_(rows, rows)] = _known(found)
+        scales |= found.scales if rig.noise == "estimated" else {}
+        seen_by = {e.exposure: e.sensor for e in found.edges}
+        boards += [
+            (rig.target_of(seen_by[k]), T_root_s[own.root] @ T)
+            for k, T in found.targets.items()
+            if k in seen_by
+        ]
+    unjoined = tuple(s for s in rig.sensors if s not in joined)
+    return Recorded(T_root_s, information, tuple(boards), scales, unjoined)
+
+
+def _groups(
+    rig: Rig,
+    registry: Registry,
+    observations: Sequence[Observation],
+    seed: int,
+    progress: Progress | None,
+) -> list[tuple[Rig, Solution]]:
+    """The sensors that hang together, as rigs of their own, and their solutions."""
+    seen = {o.sensor for o in observations if o.candidates}
+    names = [s for s in rig.sensors if s in seen]
+    if len(names) < 2:
+        return []
+    whole = _part(rig, names)
+    try:
+        return [_solved(whole, registry, observations, seed, progress)]
+    except NotConnectedError as error:
+        parts = [_part(rig, [s for s in rig.sensors if s in group]) for group in error.groups]
+    return [
+        _solved(part, registry, observations, seed, progress)
+        for part in parts
+        if len(part.sensors) > 1
+    ]
+
+
+def _solved(
+    rig: Rig,
+    registry: Registry,
+    observations: Sequence[Observation],
+    seed: int,
+    progress: Progress | None,
+) -> tuple[Rig, Solution]:
+    # Observations of sensors beyond the rig are refused by `prepare`, if they are none of ours.
+    own = [o for o in observations if o.sensor in rig.sensors]
+    stages = prepare(rig, registry, own, seed, progress)
+    return rig, global_estimate.solve(stages, Method(accept_weak=True), progress).solution
+
+
+def _part(rig: Rig, names: Sequence[str]) -> Rig:
+    """The rig with these sensors only; poses that it prescribes hold where it is whole."""
+    if len(names) == len(rig.sensors):
+        return rig
+    free = {"pose": None, "initial": None, "fixed": False}
+    sensors = {s: rig.sensors[s].model_copy(update=free) for s in names}
+    return replace(rig, root=rig.root if rig.root in sensors else names[0], sensors=sensors)
+
+
+def _known(solution: Solution) -> Array:
+    """(6 S, 6 S) information of the sensors' poses; what was refined beside them is eliminated."""
+    size = 6 * len(solution.sensors)
+    M = known_information(
+        solution.edges, solution.sensors, solution.targets, frozenset(), solution.numbers
+    )
+    M_nn = M[size:, size:] + 1e-9 * np.eye(len(M) - size)
+    M = M[:size, :size] - M[:size, size:] @ np.linalg.solve(M_nn, M[size:, :size])
+    values, vectors = np.linalg.eigh((M + M.T) / 2)
+    result: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return result
+
+
+def _links(rig: Rig, calibration: Calibration | None) -> list[Link]:
+    """Poses that were given, those of a calibration first."""
+    links: list[Link] = []
+    if calibration is not None:
+        known = [s for s in calibration.sensors if s in rig.sensors]
+        links += [(known[0], s, calibration.T(known[0], s)) for s in known[1:]]
+    poses = {s: c.pose for s, c in rig.sensors.items() if c.pose is not None}
+    return links + [(pose.parent, s, pose.T_parent_sensor) for s, pose in poses.items()]
+
+
+def _reached(T_root_s: Mapping[str, Array], links: Sequence[Link]) -> dict[str, Array]:
+    """The poses, and those that links lead to; earlier links go before later ones."""
+    T = dict(T_root_s)
+    while step := next((link for link in links if (link[0] in T) != (link[1] in T)), None):
+        a, b, T_a_b = step
+        if a in T:
+            T[b] = T[a] @ T_a_b
+        else:
+            T[a] = T[b] @ se3.inverse(T_a_b)
+    return T
+
+
+def _placed(
+    rig: Rig, T_root_s: Mapping[str, Array], within: Sequence[Link], given: Sequence[Link]
+) -> dict[str, Array]:
+    """`T_root_s` of all sensors of the rig, in its order."""
+    T = _reached(T_root_s, [*within, *given])
+    if missing := [s for s in rig.sensors if s not in T]:
+        by = "neither the observations nor the rig file join" if within else "the rig file gives"
+        raise ConfigError(
+            f"{by} {'no pose of ' if not within else ''}{', '.join(missing)} "
+            f"{'to' if within else 'as seen from'} the root '{rig.root}': write a rough "
+            "`pose: {parent: ..., ...}` into the rig file, or give a calibration that has them; a "
+            "plan needs to know where their views meet"
+        )
+    return {s: T[s] for s in rig.sensors}

@@ -1,0 +1,255 @@
+"""What is predicted, what is proposed, and whether it holds."""
+
+import numpy as np
+import pytest
+
+from rigcal.errors import ConfigError
+from rigcal.estimation import calibrate
+from rigcal.geometry import se3
+from rigcal.graph.method import Method
+from rigcal.planning import plan
+from rigcal.planning.candidates import draw_candidates
+from rigcal.planning.choice import Judge
+from rigcal.planning.gain import weigh
+from rigcal.planning.result import worst
+from rigcal.planning.site import Site
+from rigcal.rig import T_root_sensors
+
+ALL = ("gauge", "left", "right", "slit")
+
+
+def random_poses(bench, rig, rng, count=5):
+    """Board poses that two sensors see, drawn at random."""
+    site = Site.of(rig, bench.registry, T_root_sensors(rig), ())
+    drawn = draw_candidates(site, dict.fromkeys(rig.sensors, 20), rng)
+    return [drawn[i].T_root_t for i in rng.permutation(len(drawn))[:count]]
+
+
+def sigma_of(calibration, name):
+    variances = np.diagonal(calibration.sensors[name].covariance)
+    return np.sqrt(variances[3:].sum()), np.sqrt(variances[:3].sum())
+
+
+def worst_of(calibration, rig):
+    """In units of 20 mm and 0.5 deg."""
+    sizes = [
+        max(mm / 0.02, rad / np.radians(0.5))
+        for name in rig.sensors
+        if name != rig.root
+        for mm, rad in [sigma_of(calibration, name)]
+    ]
+    return max(sizes)
+
+
+def test_more_exposures_are_predicted_to_be_better(bench):
+    predicted = plan(bench.rig(*ALL), bench.registry, exposures=(10, 40, 160)).predicted
+    assert list(predicted) == [10, 40, 160]
+    for name in ALL[1:]:
+        sizes = [predicted[n][name].size for n in predicted]
+        assert sizes == sorted(sizes, reverse=True)
+        # Four times as many exposures, half the sigma.
+        assert sizes[2] == pytest.approx(sizes[1] / 2, rel=0.3)
+
+
+def test_the_prediction_is_what_recordings_then_report(bench):
+    rig = bench.rig(*ALL)
+    predicted = plan(rig, bench.registry, exposures=(24,)).predicted[24]
+    found = [
+        calibrate(rig, bench.registry, bench.observe(rig, shown, seed))
+        for seed in range(3)
+        for shown in [random_poses(bench, rig, np.random.default_rng(seed), 24)]
+    ]
+    for name in ALL[1:]:
+        mm, rad = np.median([sigma_of(c, name) for c in found], axis=0)
+        assert predicted[name].translation_m == pytest.approx(mm, rel=0.35), name
+        assert predicted[name].rotation_rad == pytest.approx(rad, rel=0.35), name
+
+
+def test_what_was_recorded_is_judged_as_the_calibration_judges_it(bench, make_boards):
+    rig = bench.rig(*ALL)
+    seen = bench.observe(rig, make_boards(np.random.default_rng(0), 20))
+    so_far = plan(rig, bench.registry, seen).recorded
+    calibration = calibrate(rig, bench.registry, seen)
+    for name in ALL[1:]:
+        mm, rad = sigma_of(calibration, name)
+        assert so_far[name].translation_m == pytest.approx(mm, rel=0.05)
+        assert so_far[name].rotation_rad == pytest.approx(rad, rel=0.05)
+
+
+def test_five_proposals_shrink_the_worst_sigma_more_than_five_at_random(bench, make_boards):
+    rig = bench.rig(*ALL)
+    shown = make_boards(np.random.default_rng(1), 14)
+    result = plan(rig, bench.registry, bench.observe(rig, shown))
+    assert len(result.proposals) == 5
+
+    def after(more):
+        return worst_of(calibrate(rig, bench.registry, bench.observe(rig, [*shown, *more])), rig)
+
+    proposed = after([p.T_root_t for p in result.proposals])
+    at_random = [after(random_poses(bench, rig, np.random.default_rng(seed))) for seed in range(5)]
+    assert proposed < 0.8 * np.median(at_random)
+    # What was promised is what came.
+    assert result.after[worst(result.after)].size == pytest.approx(proposed, rel=0.25)
+
+
+def test_proposals_join_a_sensor_that_has_seen_nothing(bench, make_boards):
+    rig = bench.rig(*ALL)
+    shown = make_boards(np.random.default_rng(2), 16)
+    blind = [o for o in bench.observe(rig, shown) if o.sensor != "right"]
+    result = plan(rig, bench.registry, blind)
+    assert result.unjoined == ("right",)
+    assert np.isinf(result.recorded["right"].translation_m)
+    assert np.isfinite(result.recorded["left"].translation_m)
+    assert sum("right" in p.seen_by for p in result.proposals) >= 3
+    assert all(len(p.seen_by) >= 2 for p in result.proposals)
+    assert result.after["right"].size < 1
+
+
+def test_groups_that_nothing_links_are_linked(bench, make_boards):
+    """Two cameras that look ahead, and one that looks back with a laser that does too."""
+    changes = {"mute": {"type": "gauge", "pose": {"parent": "gauge", "rpy_deg": [0, 0, 100]}}}
+    changes["back"] = {"pose": {"parent": "gauge", "rpy_deg": [-90, 0, 45]}}
+    rig = bench.rig("gauge", "left", "mute", "back", changes=changes)
+    rng = np.random.default_rng(3)
+    shown = [*make_boards(rng, 12), *make_boards(rng, 12, toward=2.2)]
+    result = plan(rig, bench.registry, bench.observe(rig, shown))
+    assert result.unjoined == ("mute", "back")
+    ahead, behind = {"gauge", "left"}, {"mute", "back"}
+    assert any(ahead & {*p.seen_by} and behind & {*p.seen_by} for p in result.proposals)
+    assert result.after["back"].size < 1
+
+
+def test_parallel_boards_are_followed_by_tilted_ones(bench, make_boards):
+    rig = bench.rig("left", "gauge", changes={"left": {"pose": None}, "gauge": {
+        "pose": {"parent": "left", "translation_m": [0.0, 0.2, -0.1], "rpy_deg": [90.0, -90.0, 0.0]}
+    }})  # fmt: skip
+    T_ahead = se3.transform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))
+    shown = [T_ahead @ T for T in make_boards(np.random.default_rng(4), 12, tilt_deg=0.0)]
+    result = plan(rig, bench.registry, bench.observe(rig, shown))
+    assert np.isinf(result.recorded["gauge"].translation_m)
+    normals = np.array([p.T_root_t[:3, 2] for p in result.proposals])
+    tilts_deg = np.degrees(np.arccos(normals @ shown[0][:3, 2]))
+    assert np.sort(tilts_deg)[1:].min() > 20
+    assert result.after["gauge"].size < 1
+    calibrated = calibrate(
+        rig, bench.registry,
+        bench.observe(rig, [*shown, *(p.T_root_t for p in result.proposals)]),
+        method=Method(accept_weak=False),
+    )  # fmt: skip
+    assert not calibrated.verdict.withheld
+
+
+def test_boards_can_be_shown_where_they_are_proposed(bench, make_boards):
+    rig = bench.rig(*ALL)
+    shown = make_boards(np.random.default_rng(5), 10)
+    T_root_s = T_root_sensors(rig)
+    for proposal in plan(rig, bench.registry, bench.observe(rig, shown)).proposals:
+        corners = se3.apply(
+            proposal.T_root_t, np.array([[x, y, 0] for x in (-0.5, 0.5) for y in (-0.4, 0.4)])
+        )
+        assert corners[:, 2].min() > -1.0
+        assert corners[:, 2].max() < 1.5
+        for name in proposal.seen_by:
+            p_s = se3.apply(se3.inverse(T_root_s[name]), corners)
+            assert 0.4 < np.linalg.norm(p_s, axis=1).min() < 4.5
+            n = se3.inverse(T_root_s[name])[:3, :3] @ proposal.T_root_t[:3, 2]
+            assert n @ p_s.mean(axis=0) < 0, "it faces the sensor"
+
+
+def test_a_board_is_not_put_through_the_rig(bench):
+    site = Site.of(bench.rig(*ALL), bench.registry, T_root_sensors(bench.rig(*ALL)), ())
+    target = site.targets["board"]
+    upright = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
+    for place, clear in [((2, 0, 0), True), ((0.4, 0, 0), False), ((0.15, 1.6, 0), True)]:
+        T = se3.transform(upright, np.array(place, dtype=float))
+        assert site.is_clear(target, T) is clear, place
+    between = se3.transform(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.array([0.6, 0.0, 0]))
+    assert not site.is_clear(target, between)
+
+
+def test_sensors_that_cannot_be_planned_for_are_named(bench, make_boards):
+    rig = bench.rig("gauge", "left", "mute", "back")
+    result = plan(rig, bench.registry, bench.observe(bench.rig("gauge", "left"), make_boards(
+        np.random.default_rng(6), 10)))  # fmt: skip
+    assert result.unplanned == {
+        "mute": "its type 'mute' does not simulate what it would see",
+        "back": "no board pose was found that it sees together with another sensor",
+    }
+    # They do not keep the others from being planned for.
+    assert result.after["left"].size < result.recorded["left"].size
+    assert all({*p.seen_by} == {"gauge", "left"} for p in result.proposals)
+
+
+def test_a_sensor_without_any_pose_is_asked_for_one(bench, make_boards):
+    rig = bench.rig(*ALL, changes={"right": {"pose": None}})
+    with pytest.raises(ConfigError, match="gives no pose of right as seen from the root 'gauge'"):
+        plan(rig, bench.registry)
+    blind = [
+        o for o in bench.observe(bench.rig(*ALL), make_boards(np.random.default_rng(7), 12))
+        if o.sensor != "right"
+    ]  # fmt: skip
+    with pytest.raises(ConfigError, match=r"neither the observations .* join right to the root"):
+        plan(rig, bench.registry, blind)
+
+
+def test_a_rig_whose_sensors_share_no_view_has_no_plan(bench):
+    rig = bench.rig("gauge", "back")
+    with pytest.raises(ConfigError, match="no two sensors of rig"):
+        plan(rig, bench.registry)
+
+
+def test_poses_of_a_calibration_will_do(bench, make_boards):
+    known = calibrate(
+        bench.rig(*ALL), bench.registry,
+        bench.observe(bench.rig(*ALL), make_boards(np.random.default_rng(8), 16)),
+    )  # fmt: skip
+    bare = bench.rig(*ALL, changes={n: {"pose": None} for n in ALL})
+    predicted = plan(bare, bench.registry, calibration=known, exposures=(20,)).predicted[20]
+    expected = plan(bench.rig(*ALL), bench.registry, exposures=(20,)).predicted[20]
+    for name in ALL[1:]:
+        assert predicted[name].size == pytest.approx(expected[name].size, rel=0.3)
+
+
+def test_the_same_seed_gives_the_same_plan(bench, make_boards):
+    rig = bench.rig(*ALL)
+    seen = bench.observe(rig, make_boards(np.random.default_rng(9), 10))
+    first, second, other = (plan(rig, bench.registry, seen, seed=s) for s in (1, 1, 2))
+    words = [[p.words for p in result.proposals] for result in (first, second, other)]
+    assert words[0] == words[1] != words[2]
+    assert first.after == second.after
+
+
+def test_poses_are_good_together_and_not_each_alone(bench, make_boards):
+    """The second proposal is not the runner-up of the first, but what is best beside it."""
+    rig = bench.rig(*ALL)
+    result = plan(
+        rig, bench.registry, bench.observe(rig, make_boards(np.random.default_rng(10), 8))
+    )
+    sizes = [p.sigmas[worst(p.sigmas)].size for p in result.proposals]
+    assert sizes == sorted(sizes, reverse=True)
+    places = np.array([p.T_root_t[:3, 3] for p in result.proposals])
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+    assert apart[np.triu_indices(5, 1)].min() > 0.05
+
+
+def test_information_of_a_pose_is_that_of_its_sensors_only(bench):
+    rig = bench.rig(*ALL)
+    site = Site.of(rig, bench.registry, T_root_sensors(rig), ())
+    rng = np.random.default_rng(11)
+    pool = weigh(site, draw_candidates(site, {"left": 4}, rng), {}, rng)
+    noisier = weigh(site, pool.poses, {"left": 3.0, "gauge": 3.0, "right": 3.0, "slit": 3.0}, rng)
+    for pose, M, M_noisier in zip(pool.poses, pool.information, noisier.information, strict=True):
+        told = [M[6 * i : 6 * i + 6].any() for i in range(len(ALL))]
+        assert told == [name in pose.seen_by for name in ALL]
+        assert np.trace(M_noisier) == pytest.approx(np.trace(M) / 9, rel=0.1)
+        # No exposure tells where the rig as a whole stands.
+        assert np.abs(np.linalg.eigvalsh(M)[:6]).max() < 1e-3 * np.linalg.eigvalsh(M).max()
+
+
+def test_open_directions_are_not_given_a_sigma(bench):
+    judge = Judge(("a", "b"), frozenset({"a"}), frozenset({"b"}))
+    M = np.zeros((12, 12))
+    M[6:, 6:] = np.diag([1e6, 1e6, 1e6, 1e6, 1e6, 0.0])
+    (sigma,) = judge.sigmas(M).values()
+    assert np.isinf(sigma.translation_m)
+    assert sigma.rotation_rad == pytest.approx(np.sqrt(3) * 1e-3, rel=1e-3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,19 +32,35 @@ def observe_boards(rig: Rig, registry: Registry, scenario: ScenarioConfig, seed:
     sensors can `observe`.
     """
     (target,) = build_targets(rig, registry).values()
-    boards = sample_board_poses(rig, registry, target, scenario, seed)
+    T_w_t = sample_board_poses(rig, registry, target, scenario, seed).T_w_t
     T_w_s = sensor_poses(rig, scenario)
-    rng = np.random.default_rng(seed)
+    boards = {str(k): T for k, T in enumerate(T_w_t)}
+    seen = observe_at(rig, registry, T_w_s, boards, np.random.default_rng(seed))
+    T_root_w = se3.inverse(T_w_s[rig.root])
+    return Features(seen, {k: T_root_w @ T for k, T in boards.items()})
+
+
+def observe_at(
+    rig: Rig,
+    registry: Registry,
+    T_w_s: Mapping[str, Array],
+    T_w_t: Mapping[str, Array],
+    rng: np.random.Generator,
+) -> tuple[Observation, ...]:
+    """The board at poses (4, 4) by exposure as each sensor observes it, with the configured noise.
+
+    As for `observe_boards`; w is any frame.
+    """
+    (target,) = build_targets(rig, registry).values()
     observations = []
-    for k, T_w_t in enumerate(boards.T_w_t):
+    for k, T in T_w_t.items():
         for name, config in rig.sensors.items():
             observe = registry.sensor_type(config.type).observe
             assert observe is not None, f"{config.type} cannot observe without raw data"
-            candidate = observe(se3.inverse(T_w_s[name]) @ T_w_t, config, target, rng)
+            candidate = observe(se3.inverse(T_w_s[name]) @ T, config, target, rng)
             found = () if candidate is None else (candidate,)
-            observations.append(Observation(name, str(k), 0, f"{name} {k}", found, "not in view"))
-    T_root_w = se3.inverse(T_w_s[rig.root])
-    return Features(tuple(observations), {str(k): T_root_w @ T for k, T in enumerate(boards.T_w_t)})
+            observations.append(Observation(name, k, 0, f"{name} {k}", found, "not in view"))
+    return tuple(observations)
 
 
 def with_outliers(

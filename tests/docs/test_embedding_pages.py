@@ -90,6 +90,7 @@ def test_a_node_calibrates_from_live_messages(
     import live_calibration  # type: ignore[import-not-found]
 
     rig = rigcal.parse_rig(_rig(), registry)
+    assert live_calibration.ros_type(registry.sensor_type("camera")) == "sensor_msgs/msg/Image"
     live = live_calibration.LiveCalibration(rig, registry)
     assert "did not see the target" in live.on_calibrate()
     assert live.on_capture() == "exposure 0000: the board was seen by no sensor"

@@ -44,7 +44,10 @@ _VERBOSE = ("-v", "--verbose")
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line and exit: 0 done, 2 the user can mend it, 1 failure."""
+    """Run the command line and exit: 0 done, 2 the user can mend it, 1 failure.
+
+    A command may give 1 another meaning: `compare`, that a sensor moved.
+    """
     given = list(sys.argv[1:] if arguments is None else arguments)
     # Like most programs, take -v before and after the command.
     verbose = any(argument in _VERBOSE for argument in given)

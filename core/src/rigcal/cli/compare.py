@@ -23,7 +23,10 @@ def compare(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Tell which sensor moved between two calibrations; exit status 1 if one did."""
+    """Tell which sensor moved between two calibrations.
+
+    Exit status: 0 none moved, 1 one did, 2 the files cannot be compared.
+    """
     from rigcal.comparison import compare as compare_all
     from rigcal.errors import InputError
 

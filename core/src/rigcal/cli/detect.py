@@ -30,7 +30,10 @@ def detect(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Find the target in every frame of a recording."""
+    """Find the target in the frames of a recording.
+
+    Of a continuous one, in those in which it stands still.
+    """
     from rigcal.detection import detect as detect_all
     from rigcal.observation_file import save_observations
     from rigcal.plugin.registry import Registry

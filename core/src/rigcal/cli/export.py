@@ -26,7 +26,11 @@ def export(
     ],
     rig_file: Annotated[
         Path | None,
-        typer.Option("--rig", metavar="RIG", help="The rig file, for formats that hold lenses."),
+        typer.Option(
+            "--rig",
+            metavar="RIG",
+            help="The rig file, for formats that hold more than poses: lenses, topics, frames.",
+        ),
     ] = None,
     quiet: Quiet = False,
     json: Json = False,

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -15,6 +17,28 @@ from hypothesis import settings
 # A test asserts behaviour, not time; and the same code gets the same answer on every run.
 settings.register_profile("rigcal", deadline=None, derandomize=True)
 settings.load_profile("rigcal")
+
+
+class Ran(NamedTuple):
+    """What became of a command: its exit status, and what it printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture(scope="session")
+def command() -> Callable[..., Ran]:
+    """The command line, as users have it but for the process."""
+    from rigcal.cli import main
+
+    def run(*arguments: object) -> Ran:
+        out, err = StringIO(), StringIO()
+        with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
+            main([str(argument) for argument in arguments])
+        return Ran(int(ended.value.code or 0), out.getvalue(), err.getvalue())
+
+    return run
 
 
 class PrintedPage:

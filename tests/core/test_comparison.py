@@ -13,7 +13,6 @@ import pytest
 
 import rigcal
 from rigcal.calibration import Calibration, JointCovariance, SensorResult
-from rigcal.cli import main
 from rigcal.comparison import LIMIT_SIGMAS, _changes
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
@@ -139,30 +138,19 @@ def test_limit_is_the_point_that_one_in_a_thousand_exceeds() -> None:
     assert chi2.sf(6 * LIMIT_SIGMAS**2, 6) == pytest.approx(1e-3, rel=1e-4)
 
 
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Any:
-    def run(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as caught:
-            main(["compare", *map(str, arguments)])
-        output = capsys.readouterr()
-        return int(caught.value.code or 0), output.out, output.err
-
-    return run
-
-
-def test_command_tells_people_and_scripts(tmp_path: Path, run: Any) -> None:
+def test_command_tells_people_and_scripts(tmp_path: Path, command: Any) -> None:
     a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
     rigcal.save_calibration(a, _calibration(POSES))
     rigcal.save_calibration(b, _calibration({**POSES, "front": POSES["front"] @ SHIFT}))
-    code, text, _ = run(a, b)
+    code, text, _ = command("compare", a, b)
     assert code == 1
     assert "Moved: front" in text
-    code, text, _ = run(a, b, "--json")
+    code, text, _ = command("compare", a, b, "--json")
     answer = json.loads(text)
     assert (code, answer["moved"], answer["reference"]) == (1, ["front"], "lidar")
     assert answer["sensors"]["front"]["translation_mm"] == pytest.approx(50, abs=0.1)
     assert answer["sensors"]["cam0"]["moved"] is False
-    assert run(a, b, "--quiet") == (1, "", "")
-    code, text, _ = run(a, a)
+    assert command("compare", a, b, "--quiet") == (1, "", "")
+    code, text, _ = command("compare", a, a)
     assert code == 0
     assert "Moved: none" in text

@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from rigcal.cli import main
 from rigcal.plugin import (
     Candidate,
     Detection,
@@ -137,13 +136,6 @@ def rig(tmp_path: Path) -> Path:
     return path
 
 
-def _run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as caught:
-        main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    return int(caught.value.code or 0), captured.out, captured.err
-
-
 def _check(name: str, text: str) -> None:
     path = HERE / "messages" / f"{name}.txt"
     if "RIGCAL_UPDATE_GOLDEN" in os.environ:
@@ -152,8 +144,8 @@ def _check(name: str, text: str) -> None:
 
 
 @pytest.mark.usefixtures("installed")
-def test_each_mistake_is_named_with_its_distribution(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = _run(capsys, "plugins")
+def test_each_mistake_is_named_with_its_distribution(command: Any) -> None:
+    code, out, _ = command("plugins")
     assert code == 0
     broken = [line for line in out.splitlines() if line.startswith("broken")]
     assert len(broken) == len(WRONG) - 1  # the first of the two equal types is no mistake yet
@@ -161,38 +153,32 @@ def test_each_mistake_is_named_with_its_distribution(capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.usefixtures("installed")
-def test_a_run_that_does_not_use_them_goes_on(
-    rig: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_that_does_not_use_them_goes_on(rig: Path, command: Any) -> None:
     (rig.parent / "1.csv").write_text("2.0")
     out = rig.parent / "o.npz"
-    code, _, err = _run(capsys, "detect", rig, rig.parent, "--out", out, "--quiet", "--jobs", "1")
+    code, _, err = command("detect", rig, rig.parent, "--out", out, "--quiet", "--jobs", "1")
     assert (code, err) == (0, "")
     assert out.exists()
 
 
 @pytest.mark.usefixtures("installed")
-def test_a_frame_that_a_plugin_fails_on_is_lost_and_named(
-    rig: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_frame_that_a_plugin_fails_on_is_lost_and_named(rig: Path, command: Any) -> None:
     contents = ["2.0", "2.1", "damaged", "4x", "raise", "None", "nan", "flat"]
     for number, text in enumerate(contents):
         (rig.parent / f"{number}.csv").write_text(text)
     out = rig.parent / "o.npz"
-    code, text, err = _run(capsys, "detect", rig, rig.parent, "--out", out, "--jobs", "1")
+    code, text, err = command("detect", rig, rig.parent, "--out", out, "--jobs", "1")
     assert (code, err) == (0, "")
     lost = [line for line in text.splitlines() if line.startswith("bow:")]
     _check("frames_lost", "\n".join(lost) + "\n")
 
 
 @pytest.mark.usefixtures("installed")
-def test_a_plugin_that_fails_on_every_frame_is_named(
-    rig: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_plugin_that_fails_on_every_frame_is_named(rig: Path, command: Any) -> None:
     for number in range(3):
         (rig.parent / f"{number}.csv").write_text("4x")
     out = rig.parent / "o.npz"
-    code, _, err = _run(capsys, "detect", rig, rig.parent, "--out", out, "--jobs", "1", "--quiet")
+    code, _, err = command("detect", rig, rig.parent, "--out", out, "--jobs", "1", "--quiet")
     assert code == 2
     assert not out.exists()
     _check("every_frame_lost", err)

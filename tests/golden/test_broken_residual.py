@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from rigcal.cli import main
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Observation, PoseGeometry
@@ -65,7 +64,7 @@ def test_sensor_exposure_and_shapes_are_named(
     fault: type,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: Any,
 ) -> None:
     entry = SimpleNamespace(
         name="sonar",
@@ -85,10 +84,9 @@ def test_sensor_exposure_and_shapes_are_named(
     save_observations(tmp_path / "seen.npz", observations)
     arguments = ("calibrate", "rig.yaml", "seen.npz", "--out", "out", "--quiet")
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    assert caught.value.code == 2
-    text = capsys.readouterr().err.replace(f"{__name__}.", "acme_sonar.")
+    ran = command(*arguments)
+    assert ran.code == 2
+    text = ran.err.replace(f"{__name__}.", "acme_sonar.")
     path = HERE / "messages" / f"residual_{fault.__name__.lower()}.txt"
     if "RIGCAL_UPDATE_GOLDEN" in os.environ:
         path.write_text(text)

@@ -14,7 +14,6 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
-from rigcal.cli import main
 from rigcal.observation import Detection
 from rigcal.plugin import SensorConfig, SensorType, hookimpl
 
@@ -68,13 +67,10 @@ def _check(name: str, text: str) -> None:
     assert text == path.read_text()
 
 
-def _refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    assert caught.value.code == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    return captured.err
+def _refused(command: Any, *arguments: str) -> str:
+    code, out, err = command(*arguments)
+    assert (code, out) == (2, "")
+    return str(err)
 
 
 @pytest.mark.parametrize("rig", sorted((HERE / "rigs").glob("*.yaml")), ids=lambda p: p.stem)
@@ -82,29 +78,28 @@ def test_rig_that_is_wrong(
     rig: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: Any,
 ) -> None:
     _install(monkeypatch)
     monkeypatch.chdir(rig.parent)
-    _check(rig.stem, _refused(capsys, "detect", rig.name, "bag", "--out", str(tmp_path / "o.npz")))
+    _check(rig.stem, _refused(command, "detect", rig.name, "bag", "--out", str(tmp_path / "o.npz")))
     assert not list(tmp_path.iterdir())
 
 
 def test_rig_that_needs_a_broken_plugin(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Any
 ) -> None:
     _install(monkeypatch, _entry("radar", _missing))
     monkeypatch.chdir(HERE / "rigs")
-    text = _refused(capsys, "calibrate", "unknown_sensor_type.yaml", "bag", "--out", str(tmp_path))
+    text = _refused(command, "calibrate", "unknown_sensor_type.yaml", "bag", "--out", str(tmp_path))
     _check("broken_plugin", text)
 
 
 def test_list_of_plugins_tells_what_is_broken(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, command: Any
 ) -> None:
     _install(monkeypatch, _entry("radar", _missing), _entry("lidar", Misspelt))
-    with pytest.raises(SystemExit) as caught:
-        main(["plugins"])
-    assert caught.value.code == 0
-    broken = [line for line in capsys.readouterr().out.splitlines() if line.startswith("broken")]
+    ran = command("plugins")
+    assert ran.code == 0
+    broken = [line for line in ran.out.splitlines() if line.startswith("broken")]
     _check("list_of_broken_plugins", "\n".join(broken) + "\n")

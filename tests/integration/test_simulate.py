@@ -13,7 +13,6 @@ import yaml
 from matplotlib.image import imread
 
 from rigcal import Registry, load_rig, parse_rig
-from rigcal.cli import main
 from rigcal.recording import Source, open_recording
 from rigcal.rig import build_targets
 from rigcal_sim.dataset import simulate
@@ -91,15 +90,12 @@ def test_a_recording_holds_standard_messages(registry: Registry, tmp_path: Path)
         assert image.value.header.frame_id == info.value.header.frame_id == "cam"
 
 
-def test_the_command_simulates_where_the_sensors_look(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_simulates_where_the_sensors_look(tmp_path: Path, command: Any) -> None:
     rig = tmp_path / "rig.yaml"
     rig.write_text(yaml.safe_dump(SMALL))
-    with pytest.raises(SystemExit) as exit_:
-        main(["simulate", str(rig), "--out", str(tmp_path / "out"), "--poses", "2", "--json"])
-    assert exit_.value.code == 0
-    answer = json.loads(capsys.readouterr().out)
+    ran = command("simulate", rig, "--out", tmp_path / "out", "--poses", 2, "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert answer["exposures"] == 2
     assert Path(answer["truth"]).is_file()
     assert [Path(path).name for path in answer["recordings"]] == ["recording.mcap"]
@@ -160,12 +156,13 @@ GREEN, PINK = (34, 197, 94), (214, 51, 108)
 """Of the true corners and of the board's outline."""
 
 
-def preview(out: Path, *options: str) -> None:
+def preview(command: Any, out: Path, *options: object) -> str:
+    """What is printed."""
     rig = out.with_suffix(".yaml")
     rig.write_text(yaml.safe_dump(SMALL))
-    with pytest.raises(SystemExit) as exit_:
-        main(["simulate", str(rig), "--out", str(out), "--poses", "2", "--preview", *options])
-    assert exit_.value.code == 0
+    ran = command("simulate", rig, "--out", out, "--poses", 2, "--preview", *options)
+    assert ran.code == 0
+    return str(ran.out)
 
 
 def pixels_of(path: Path, colour: tuple[int, int, int]) -> int:
@@ -173,11 +170,8 @@ def pixels_of(path: Path, colour: tuple[int, int, int]) -> int:
     return int(np.count_nonzero((np.abs(rgb - colour) < 25).all(axis=-1)))
 
 
-def test_a_page_per_exposure_shows_corners_and_outline(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    preview(tmp_path / "out", "--json")
-    index = Path(json.loads(capsys.readouterr().out)["preview"])
+def test_a_page_per_exposure_shows_corners_and_outline(tmp_path: Path, command: Any) -> None:
+    index = Path(json.loads(preview(command, tmp_path / "out", "--json"))["preview"])
     assert index == tmp_path / "out" / "preview" / "index.html"
     pages = sorted(index.parent.glob("exposure_*.png"))
     assert len(pages) == 2
@@ -189,13 +183,12 @@ def test_a_page_per_exposure_shows_corners_and_outline(
 
 
 def test_the_same_seed_draws_the_same_bytes_and_nothing_old_stays(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, command: Any
 ) -> None:
     folders = [tmp_path / name / "preview" for name in ("a", "b")]
     folders[1].mkdir(parents=True)
     (folders[1] / "exposure_0009.png").write_bytes(b"of another run")
-    preview(tmp_path / "a", "--quiet", "--jobs", "1")
-    preview(tmp_path / "b", "--quiet", "--jobs", "2")
-    assert capsys.readouterr().out == ""
+    assert preview(command, tmp_path / "a", "--quiet", "--jobs", 1) == ""
+    assert preview(command, tmp_path / "b", "--quiet", "--jobs", 2) == ""
     a, b = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in folders)
     assert a == b

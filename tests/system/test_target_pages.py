@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import numpy as np
 import pytest
 
 from rigcal import Registry, build_targets, load_rig
-from rigcal.cli import main
 from rigcal.targets import Target
 
 RIG = Path(__file__).parents[2] / "examples" / "husky.yaml"
@@ -25,10 +25,12 @@ def board() -> Target:
     return build_targets(load_rig(RIG, registry), registry)["board"]
 
 
-def write(path: Path) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["target", str(RIG), "--out", str(path), "--quiet"])
-    assert caught.value.code == 0
+@pytest.fixture(scope="module")
+def write(command: Any) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        assert command("target", RIG, "--out", path, "--quiet").code == 0
+
+    return write
 
 
 def rendered(path: Path) -> Any:

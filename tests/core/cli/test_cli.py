@@ -16,12 +16,12 @@ import typer
 from rigcal import __version__
 from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
 from rigcal.calibration_file import load_calibration, save_calibration
-from rigcal.cli import main
 from rigcal.errors import ConfigError, InputError, NotConnectedError, RecordingError
 from rigcal.observation import Candidate, Detection, Observation, PointGeometry
 from rigcal.observation_file import load_observations
 from rigcal.plugin import SensorConfig, SensorType, hookimpl
 
+Command = Callable[..., Any]
 DETECT, CALIBRATE = import_module("rigcal.detection"), import_module("rigcal.estimation")
 RIG = """\
 version: 1
@@ -110,44 +110,37 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def _run(*arguments: str) -> object:
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    return caught.value.code
-
-
-def test_detect_writes_observations(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("detect", "rig.yaml", "recording", "--out", "new/o.npz") == 0
+def test_detect_writes_observations(place: Path, command: Command) -> None:
+    ran = command("detect", "rig.yaml", "recording", "--out", "new/o.npz")
+    assert ran.code == 0
     observations, about = load_observations(place / "new" / "o.npz")
     assert len(observations) == 6
     assert about["inputs"]["recording"]["name"] == "recording"
-    out = capsys.readouterr().out
-    assert "bow: 1 without: too dark" in out
-    assert "new/o.npz" in out
+    assert "bow: 1 without: too dark" in ran.out
+    assert "new/o.npz" in ran.out
 
 
-def test_detect_json(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("detect", "rig.yaml", "recording", "--out", "o.npz", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+def test_detect_json(place: Path, command: Command) -> None:
+    ran = command("detect", "rig.yaml", "recording", "--out", "o.npz", "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert answer["sensors"]["stern"] == {"frames": 3, "detected": 2, "reasons": {"too dark": 1}}
 
 
-def test_calibrate_writes_results_and_says_where(
-    place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert _run("calibrate", "rig.yaml", "recording", "--out", "result") == 0
+def test_calibrate_writes_results_and_says_where(place: Path, command: Command) -> None:
+    ran = command("calibrate", "rig.yaml", "recording", "--out", "result")
+    assert ran.code == 0
     names = {p.name for p in (place / "result").iterdir()}
     assert names == {"calibration.yaml", "observations.npz", "report.html"}
-    out = capsys.readouterr().out
     for expected in (
         "stern", "1500.00", "90.0000", "20 mm", "bow: 1 (3): too dark",
         "warning: stern: few exposures", "result/calibration.yaml",
     ):  # fmt: skip
-        assert expected in out
+        assert expected in ran.out
 
 
-def test_calibration_tells_what_it_was_made_from(place: Path) -> None:
-    _run("calibrate", "rig.yaml", "recording", "--out", "a", "--no-report", "-q")
+def test_calibration_tells_what_it_was_made_from(place: Path, command: Command) -> None:
+    command("calibrate", "rig.yaml", "recording", "--out", "a", "--no-report", "-q")
     provenance = load_calibration("a/calibration.yaml").provenance
     assert provenance["seed"] == 0
     assert isinstance(provenance["versions"], dict)
@@ -156,36 +149,38 @@ def test_calibration_tells_what_it_was_made_from(place: Path) -> None:
     assert isinstance(provenance["inputs"], dict)
     assert provenance["inputs"]["recording"]["name"] == "recording"
     # From the observations of that run: the same bytes.
-    _run("calibrate", "rig.yaml", "a/observations.npz", "--out", "b", "--no-report", "-q")
+    command("calibrate", "rig.yaml", "a/observations.npz", "--out", "b", "--no-report", "-q")
     first, second = (Path(d, "calibration.yaml").read_bytes() for d in "ab")
     assert first == second
     (place / "recording" / "bow" / "1.csv").write_text("1,2,4")
-    _run("calibrate", "rig.yaml", "recording", "--out", "c", "--no-report", "-q")
+    command("calibrate", "rig.yaml", "recording", "--out", "c", "--no-report", "-q")
     assert Path("c/calibration.yaml").read_bytes() != first
 
 
-def test_calibrate_json_is_the_calibration(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("calibrate", "rig.yaml", "recording", "--out", "r", "--no-report", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+def test_calibrate_json_is_the_calibration(place: Path, command: Command) -> None:
+    ran = command("calibrate", "rig.yaml", "recording", "--out", "r", "--no-report", "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert answer["files"]["calibration"] == "r/calibration.yaml"
     assert answer["sensors"]["stern"]["translation_m"]["x"] == 1.5
 
 
-def test_quiet_prints_nothing(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("calibrate", "rig.yaml", "recording", "--out", "r", "--no-report", "-q") == 0
-    captured = capsys.readouterr()
-    assert (captured.out, captured.err) == ("", "")
+def test_quiet_prints_nothing(place: Path, command: Command) -> None:
+    ran = command("calibrate", "rig.yaml", "recording", "--out", "r", "--no-report", "-q")
+    assert ran.code == 0
+    assert (ran.out, ran.err) == ("", "")
 
 
 def test_data_without_an_answer_exit_1_and_keep_the_observations(
-    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: Command
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise NotConnectedError("stern shares no exposure with bow")
 
     monkeypatch.setattr(CALIBRATE, "calibrate", refuse)
-    assert _run("calibrate", "rig.yaml", "recording", "--out", "r") == 1
-    assert capsys.readouterr().err == "rigcal: stern shares no exposure with bow\n"
+    ran = command("calibrate", "rig.yaml", "recording", "--out", "r")
+    assert ran.code == 1
+    assert ran.err == "rigcal: stern shares no exposure with bow\n"
     kept = sorted(p.name for p in (place / "r").iterdir())
     assert kept == ["observations.npz", "verdict.yaml"]
 
@@ -210,6 +205,7 @@ def test_a_run_that_fails_leaves_nothing_of_the_one_before(
     left: set[str],
     place: Path,
     monkeypatch: pytest.MonkeyPatch,
+    command: Command,
 ) -> None:
     out = place / "r"
     out.mkdir()
@@ -221,88 +217,102 @@ def test_a_run_that_fails_leaves_nothing_of_the_one_before(
         raise error
 
     monkeypatch.setattr(import_module(module), function, refuse)
-    assert _run("calibrate", "rig.yaml", "recording", "--out", "r") == status
+    assert command("calibrate", "rig.yaml", "recording", "--out", "r").code == status
     assert {p.name for p in out.iterdir()} == left | {"notes.txt"}
     assert all(b"before" not in (out / name).read_bytes() for name in left)
 
 
-def test_observations_in_the_folder_itself_are_calibrated_again(place: Path) -> None:
-    assert _run("calibrate", "rig.yaml", "recording", "--out", "r", "-q") == 0
-    assert _run("calibrate", "rig.yaml", "r/observations.npz", "--out", "r", "-q") == 0
+def test_observations_in_the_folder_itself_are_calibrated_again(
+    place: Path, command: Command
+) -> None:
+    assert command("calibrate", "rig.yaml", "recording", "--out", "r", "-q").code == 0
+    assert command("calibrate", "rig.yaml", "r/observations.npz", "--out", "r", "-q").code == 0
 
 
 def test_unusable_out_is_told_before_any_work(
-    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: Command
 ) -> None:
     monkeypatch.setattr(DETECT, "detect", lambda *_: pytest.fail("work was lost"))
-    assert _run("calibrate", "rig.yaml", "recording", "--out", "rig.yaml/x") == 2
-    assert "rig.yaml/x: cannot be made a folder" in capsys.readouterr().err
+    ran = command("calibrate", "rig.yaml", "recording", "--out", "rig.yaml/x")
+    assert ran.code == 2
+    assert "rig.yaml/x: cannot be made a folder" in ran.err
 
 
-def test_evaluate(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_evaluate(place: Path, command: Command) -> None:
     save_calibration("truth.yaml", CALIBRATION)
     moved = T_BOW_STERN.copy()
     moved[0, 3] += 0.002
     sensors = {**CALIBRATION.sensors, "stern": SensorResult("bow", moved, np.eye(6) * 1e-6)}
     save_calibration("calibration.yaml", Calibration("bow", sensors))
-    assert _run("evaluate", "calibration.yaml", "--truth", "truth.yaml", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+    ran = command("evaluate", "calibration.yaml", "--truth", "truth.yaml", "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert answer["sensors"]["stern"]["translation_mm"] == pytest.approx(2.0)
     assert answer["sensors"]["stern"]["nees"] == pytest.approx(4.0)
     assert answer["mean_rotation_deg"] == pytest.approx(0.0, abs=1e-6)
-    assert _run("evaluate", "calibration.yaml", "--truth", "truth.yaml") == 0
-    assert "2.000" in capsys.readouterr().out
-    assert _run("evaluate", "calibration.yaml", "--truth", "no.yaml") == 2
+    ran = command("evaluate", "calibration.yaml", "--truth", "truth.yaml")
+    assert ran.code == 0
+    assert "2.000" in ran.out
+    assert command("evaluate", "calibration.yaml", "--truth", "no.yaml").code == 2
 
 
-def test_plugins_json(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("plugins", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+def test_plugins_json(place: Path, command: Command) -> None:
+    ran = command("plugins", "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert answer["sensor_types"] == ["sonar"]
     assert answer["commands"] == ["fail", "ping"]
     assert answer["broken"] == []
 
 
-def test_schema_is_json(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("schema") == 0
-    assert json.loads(capsys.readouterr().out)["required"] == [
+def test_schema_is_json(place: Path, command: Command) -> None:
+    ran = command("schema")
+    assert ran.code == 0
+    assert json.loads(ran.out)["required"] == [
         "version", "root", "targets", "sensors",
     ]  # fmt: skip
 
 
-def test_schema_of_another_file(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("schema", "notes") == 0
-    assert json.loads(capsys.readouterr().out) == {"title": "notes"}
-    assert _run("schema", "note") == 2
-    assert "no schema of 'note', did you mean 'notes'? (has: notes, rig)" in capsys.readouterr().err
+def test_schema_of_another_file(place: Path, command: Command) -> None:
+    ran = command("schema", "notes")
+    assert ran.code == 0
+    assert json.loads(ran.out) == {"title": "notes"}
+    ran = command("schema", "note")
+    assert ran.code == 2
+    assert "no schema of 'note', did you mean 'notes'? (has: notes, rig)" in ran.err
 
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("--version") == 0
-    assert capsys.readouterr().out == f"rigcal {__version__}\n"
+def test_version(command: Command) -> None:
+    ran = command("--version")
+    assert ran.code == 0
+    assert ran.out == f"rigcal {__version__}\n"
 
 
-def test_command_of_a_plugin(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run("ping", "you", "--loud") == 0
-    assert capsys.readouterr().out == "pong you!\n"
-    assert _run("--help") == 0
-    assert "ping" in capsys.readouterr().out
+def test_command_of_a_plugin(place: Path, command: Command) -> None:
+    ran = command("ping", "you", "--loud")
+    assert ran.code == 0
+    assert ran.out == "pong you!\n"
+    ran = command("--help")
+    assert ran.code == 0
+    assert "ping" in ran.out
 
 
 def test_unexpected_error_is_one_message_and_a_traceback_with_v(
-    place: Path, capsys: pytest.CaptureFixture[str]
+    place: Path, command: Command
 ) -> None:
-    assert _run("fail") == 1
-    error = capsys.readouterr().err
+    ran = command("fail")
+    assert ran.code == 1
+    error = ran.err
     assert error.startswith("rigcal: unexpected ZeroDivisionError: in the plugin\n")
     assert "Traceback" not in error
-    assert _run("fail", "-v") == 1
-    assert "Traceback" in capsys.readouterr().err
+    ran = command("fail", "-v")
+    assert ran.code == 1
+    assert "Traceback" in ran.err
 
 
 @pytest.mark.parametrize("arguments", [["sonnar"], ["detect"], ["detect", "--jobs", "0"]])
-def test_wrong_usage_exits_2(place: Path, arguments: list[str]) -> None:
-    assert _run(*arguments) == 2
+def test_wrong_usage_exits_2(place: Path, arguments: list[str], command: Command) -> None:
+    assert command(*arguments).code == 2
 
 
 TWO_TARGETS = RIG.replace(
@@ -310,15 +320,15 @@ TWO_TARGETS = RIG.replace(
 ).replace("files:", "target: board, files:")
 
 
-def test_target_writes_the_page_and_says_how_large_it_is(
-    place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert _run("target", "rig.yaml", "--out", "new/board.pdf") == 0
+def test_target_writes_the_page_and_says_how_large_it_is(place: Path, command: Command) -> None:
+    ran = command("target", "rig.yaml", "--out", "new/board.pdf")
+    assert ran.code == 0
     assert Path("new/board.pdf").read_bytes().startswith(b"%PDF")
-    assert "'board' of 800 x 600 mm on a page of 830 x" in capsys.readouterr().out
+    assert "'board' of 800 x 600 mm on a page of 830 x" in ran.out
     Path("two.yaml").write_text(TWO_TARGETS)
-    assert _run("target", "two.yaml", "--target", "cover", "-o", "cover.svg", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+    ran = command("target", "two.yaml", "--target", "cover", "-o", "cover.svg", "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert answer["target"] == "cover"
     assert answer["board_mm"] == [400, 300]
     assert answer["page_mm"][0] == 430
@@ -336,8 +346,9 @@ def test_target_writes_the_page_and_says_how_large_it_is(
     ],
 )  # fmt: skip
 def test_target_that_cannot_be_written_says_why(
-    arguments: list[str], message: str, place: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, place: Path, command: Command
 ) -> None:
     Path("two.yaml").write_text(TWO_TARGETS)
-    assert _run("target", *arguments) == 2
-    assert message in capsys.readouterr().err
+    ran = command("target", *arguments)
+    assert ran.code == 2
+    assert message in ran.err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,6 @@ import pytest
 
 import rigcal
 from rigcal.calibration import Calibration, SensorResult
-from rigcal.cli import main
 from rigcal.errors import InputError, PluginError
 from rigcal.geometry import se3
 from rigcal.plugin import Exporter, Registry, hookimpl
@@ -101,18 +101,10 @@ def test_exporter_that_needs_the_rig_says_so_without_one() -> None:
         rigcal.export(CALIBRATION, registry, "acme")
 
 
-def test_command_writes_the_file_and_tells_programs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_writes_the_file_and_tells_programs(tmp_path: Path, command: Any) -> None:
     source, out = tmp_path / "calibration.yaml", tmp_path / "poses.txt"
     rigcal.save_calibration(source, CALIBRATION)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as caught:
-            main(["export", str(source), "--out", str(out), *arguments])
-        output = capsys.readouterr()
-        return int(caught.value.code or 0), output.out, output.err
-
+    run = partial(command, "export", source, "--out", out)
     code, text, _ = run("--format", "matrices", "--json")
     assert (code, json.loads(text)) == (0, {"format": "matrices", "files": [str(out)]})
     np.testing.assert_allclose(np.loadtxt(out).reshape(-1, 4, 4), list(POSES.values()), atol=1e-15)

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 import rigcal
-from rigcal.cli import main
 from rigcal.errors import InputError
 
 
@@ -70,22 +69,20 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
 
 
 def test_command_tells_what_to_do_next(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as caught:
-        main(["new-plugin", "sonar"])
-    assert caught.value.code == 0
-    assert "pip install -e 'rigcal-sonar[test]' && pytest rigcal-sonar" in capsys.readouterr().out
+    ran = command("new-plugin", "sonar")
+    assert ran.code == 0
+    assert "pip install -e 'rigcal-sonar[test]' && pytest rigcal-sonar" in ran.out
     assert (tmp_path / "rigcal-sonar" / "README.md").is_file()
 
 
 def test_name_of_an_installed_type_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Any
 ) -> None:
     registry = rigcal.Registry()
     monkeypatch.setattr(type(registry), "sensor_types", {"sonar": None})
-    with pytest.raises(SystemExit) as caught:
-        main(["new-plugin", "sonar", "--out", str(tmp_path / "new")])
-    assert caught.value.code == 2
-    assert "sensor type 'sonar' is installed already" in capsys.readouterr().err
+    ran = command("new-plugin", "sonar", "--out", tmp_path / "new")
+    assert ran.code == 2
+    assert "sensor type 'sonar' is installed already" in ran.err

@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 from rigcal.calibration_file import load_calibration
-from rigcal.cli import main
 from rigcal.errors import NotConnectedError, NotDeterminedError
 from rigcal.estimation import calibrate
 from rigcal.geometry import se3
@@ -105,7 +104,7 @@ def test_groups_that_nothing_links_and_the_pair_that_would(cart, make_boards):
 
 
 def test_the_verdict_is_printed_and_written_and_the_result_withheld(
-    cart, upright, tmp_path, monkeypatch, capsys
+    cart, upright, tmp_path, monkeypatch, command
 ):
     monkeypatch.chdir(tmp_path)
     rig = cart.content(("left", "scan"))
@@ -114,20 +113,18 @@ def test_the_verdict_is_printed_and_written_and_the_result_withheld(
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "calibration.yaml").write_text("of an earlier run")
     arguments = ["calibrate", "rig.yaml", "seen.npz", "--out", "out", "--no-report"]
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    assert ended.value.code == 1
-    assert "rigcal: The data do not determine the pose of scan." in capsys.readouterr().err
+    ran = command(*arguments)
+    assert ran.code == 1
+    assert "rigcal: The data do not determine the pose of scan." in ran.err
     assert not (tmp_path / "out" / "calibration.yaml").exists()
     written = yaml.safe_load((tmp_path / "out" / "verdict.yaml").read_text())
     assert written["result"] == "withheld"
     axes = written["sensors"]["scan"]["axes"]
     assert axes["translation_z"] == {"state": "open", "sigma": None}
 
-    with pytest.raises(SystemExit) as ended:
-        main([*arguments, "--accept-weak"])
-    assert ended.value.code == 0
-    assert "not determined: " in capsys.readouterr().out
+    ran = command(*arguments, "--accept-weak")
+    assert ran.code == 0
+    assert "not determined: " in ran.out
     written = yaml.safe_load((tmp_path / "out" / "verdict.yaml").read_text())
     assert written["result"] == "given"
     accepted = load_calibration(tmp_path / "out" / "calibration.yaml").sensors["scan"]

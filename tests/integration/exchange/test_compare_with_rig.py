@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import rigcal
 from rigcal.calibration import Calibration, SensorResult
-from rigcal.cli import main
 
 RIG = """\
 version: 1
@@ -25,31 +23,20 @@ sensors:
 """
 
 
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Any:
-    def run(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as caught:
-            main(["compare", *map(str, arguments)])
-        output = capsys.readouterr()
-        return int(caught.value.code or 0), output.out, output.err
-
-    return run
-
-
-def test_command_compares_with_the_poses_of_a_rig_file(tmp_path: Path, run: Any) -> None:
+def test_command_compares_with_the_poses_of_a_rig_file(tmp_path: Path, command: Any) -> None:
     T = np.eye(4)
     T[0, 3] = 0.5
     rigcal.save_calibration(tmp_path / "a.yaml", _calibration(T))
     rig = tmp_path / "rig.yaml"
     rig.write_text(RIG.format(x=0.5))
-    assert run(tmp_path / "a.yaml", rig)[0] == 0
+    assert command("compare", tmp_path / "a.yaml", rig)[0] == 0
     rig.write_text(RIG.format(x=0.6))
-    code, text, _ = run(tmp_path / "a.yaml", rig)
+    code, text, _ = command("compare", tmp_path / "a.yaml", rig)
     assert (code, "Moved: cam1" in text) == (1, True)
-    code, text, error = run(rig, rig)
+    code, text, error = command("compare", rig, rig)
     assert (code, "0.00" in text) == (2, True)
     assert "neither has a covariance of cam1" in error
-    code, _, error = run(tmp_path / "a.yaml", tmp_path / "none.yaml")
+    code, _, error = command("compare", tmp_path / "a.yaml", tmp_path / "none.yaml")
     assert (code, "no such file" in error) == (2, True)
 
 

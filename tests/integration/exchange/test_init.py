@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,6 @@ import yaml
 
 import rigcal
 from rigcal.calibration import Calibration, SensorResult
-from rigcal.cli import main
 from rigcal.errors import ConfigError, InputError, PluginError
 from rigcal.geometry import se3
 from rigcal.importing import import_file
@@ -188,16 +188,10 @@ def test_a_file_is_given_to_the_sensor_that_is_named(record: Record, tmp_path: P
 
 
 def test_the_command_writes_once_and_tells_programs(
-    record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    record: Record, tmp_path: Path, command: Any
 ) -> None:
-    out, recording = tmp_path / "rig.yaml", record()
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as caught:
-            main(["init", str(recording), "--out", str(out), *arguments])
-        output = capsys.readouterr()
-        return int(caught.value.code or 0), output.out, output.err
-
+    out = tmp_path / "rig.yaml"
+    run = partial(command, "init", record(), "--out", out)
     code, text, _ = run("--json", "--root", "cam")
     assert code == 0
     assert json.loads(text) == {

@@ -6,23 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from rigcal.cli import main
-
 HERE = Path(__file__).parent
 RIG = HERE.parent / "pipeline" / "cart.yaml"
 SCENARIO = HERE.parent / "pipeline" / "scenario.yaml"
 
 
-def rigcal(*arguments):
-    with pytest.raises(SystemExit) as end:
-        main([str(a) for a in arguments])
-    return end.value.code
-
-
-def test_a_study_of_one_run(tmp_path, capsys):
+def test_a_study_of_one_run(tmp_path, command):
     given = ("--scenario", SCENARIO, "--runs", 1, "--outliers", 0, "--jobs", 1, "--json")
-    assert rigcal("experiment", "msgcal", RIG, "--out", tmp_path, *given) == 0
-    answer = json.loads(capsys.readouterr().out)
+    ran = command("experiment", "msgcal", RIG, "--out", tmp_path, *given)
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert all(Path(path).exists() for path in answer["files"])
     with (tmp_path / "runs.csv").open() as file:
         rows = {(r["formulation"], r["filtered"], r["initial"]): r for r in csv.DictReader(file)}
@@ -39,7 +32,8 @@ def test_a_study_of_one_run(tmp_path, capsys):
         assert {r["sensor"] for r in csv.DictReader(file)} == {"left", "right", "scan"}
 
 
-def test_a_recording_is_not_simulated(tmp_path, capsys):
+def test_a_recording_is_not_simulated(tmp_path, command):
     given = ("--data", tmp_path / "x.npz", "--raw-runs", 2, "--out", tmp_path)
-    assert rigcal("experiment", "msgcal", RIG, *given) == 2
-    assert "leave out --scenario and --raw-runs" in capsys.readouterr().err
+    ran = command("experiment", "msgcal", RIG, *given)
+    assert ran.code == 2
+    assert "leave out --scenario and --raw-runs" in ran.err

@@ -14,13 +14,11 @@ MESSAGES = Path(__file__).parent / "messages"
 
 
 @pytest.fixture
-def check(run, capsys, tmp_path):
+def check(command, tmp_path):
     def check(name, rig, data):
-        capsys.readouterr()
-        assert run("calibrate", rig, data, "--out", tmp_path / "out") == 2
-        captured = capsys.readouterr()
-        assert captured.out == ""
-        text = captured.err.replace(str(data), "RECORDING").replace(str(rig), "RIG")
+        ran = command("calibrate", rig, data, "--out", tmp_path / "out")
+        assert (ran.code, ran.out) == (2, "")
+        text = ran.err.replace(str(data), "RECORDING").replace(str(rig), "RIG")
         # Sizes and fits depend on compression and rounding; what is said of them does not.
         text = NUMBERS.sub("N", text)
         path = MESSAGES / f"{name}.txt"

@@ -22,11 +22,11 @@ def exposure(calibrated):
 
 
 @pytest.fixture(scope="module")
-def fused(calibrated, simulated, run, rig, exposure, tmp_path_factory):
+def fused(calibrated, simulated, command, rig, exposure, tmp_path_factory):
     out = tmp_path_factory.mktemp("fused")
     options = ("--rig", rig, "--out", out, "--frame", int(exposure), "--quiet")
     recording, calibration = simulated / "recording.mcap", calibrated / "calibration.yaml"
-    assert run("fuse", recording, calibration, *options) == 0
+    assert command("fuse", recording, calibration, *options).code == 0
     return out
 
 
@@ -82,16 +82,18 @@ def test_there_is_a_picture_and_an_overlay_for_each_camera(fused):
     assert cv2.imread(str(fused / "overlay_left.png")).shape == (480, 640, 3)
 
 
-def test_it_speaks_json(calibrated, simulated, run, rig, tmp_path, capsys):
+def test_it_speaks_json(calibrated, simulated, command, rig, tmp_path):
     recording, calibration = simulated / "recording.mcap", calibrated / "calibration.yaml"
-    assert run("fuse", recording, calibration, "--rig", rig, "--out", tmp_path, "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+    ran = command("fuse", recording, calibration, "--rig", rig, "--out", tmp_path, "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert answer["coloured"] <= answer["points"]
     assert set(answer["lag_s"]) == {"left", "right", "scan", "lidar"}
 
 
-def test_a_frame_that_is_not_there_is_named(calibrated, simulated, run, rig, tmp_path, capsys):
+def test_a_frame_that_is_not_there_is_named(calibrated, simulated, command, rig, tmp_path):
     recording, calibration = simulated / "recording.mcap", calibrated / "calibration.yaml"
     options = ("--rig", rig, "--out", tmp_path, "--frame", 999)
-    assert run("fuse", recording, calibration, *options) == 2
-    assert "there is no frame 999" in capsys.readouterr().err
+    ran = command("fuse", recording, calibration, *options)
+    assert ran.code == 2
+    assert "there is no frame 999" in ran.err

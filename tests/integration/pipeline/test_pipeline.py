@@ -30,34 +30,35 @@ def test_a_wrong_exposure_is_never_accepted(calibrated, simulated):
         assert np.linalg.norm(T[:3, 3] - truth.target_poses[name][:3, 3]) < 0.02, name
 
 
-def test_the_bag_says_the_same_as_the_mcap(calibrated, simulated, run, rig, tmp_path):
-    assert run("calibrate", rig, simulated / "recording.bag", "--out", tmp_path, "--quiet") == 0
+def test_the_bag_says_the_same_as_the_mcap(calibrated, simulated, command, rig, tmp_path):
+    bag = simulated / "recording.bag"
+    assert command("calibrate", rig, bag, "--out", tmp_path, "--quiet").code == 0
     first, second = (load_calibration(d / "calibration.yaml") for d in (calibrated, tmp_path))
     for name, sensor in first.sensors.items():
         np.testing.assert_array_equal(sensor.T_parent_sensor, second.sensors[name].T_parent_sensor)
 
 
-def test_the_same_input_and_seed_give_the_same_bytes(calibrated, run, rig, tmp_path):
+def test_the_same_input_and_seed_give_the_same_bytes(calibrated, command, rig, tmp_path):
     for name in ("a", "b"):
-        data = calibrated / "observations.npz"
-        assert run("calibrate", rig, data, "--out", tmp_path / name, "--quiet", "--seed", 3) == 0
+        out, data = tmp_path / name, calibrated / "observations.npz"
+        assert command("calibrate", rig, data, "--out", out, "--quiet", "--seed", 3).code == 0
     for file in ("calibration.yaml", "observations.npz"):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
-def test_observations_stand_for_the_recording(calibrated, run, rig, tmp_path):
+def test_observations_stand_for_the_recording(calibrated, command, rig, tmp_path):
     data = calibrated / "observations.npz"
-    assert run("calibrate", rig, data, "--out", tmp_path, "--quiet", "--no-report") == 0
+    assert command("calibrate", rig, data, "--out", tmp_path, "--quiet", "--no-report").code == 0
     first, second = (d / "calibration.yaml" for d in (calibrated, tmp_path))
     assert first.read_bytes() == second.read_bytes()
 
 
 def test_detection_alone_does_not_depend_on_the_number_of_processes(
-    calibrated, simulated, run, rig, tmp_path
+    calibrated, simulated, command, rig, tmp_path
 ):
     recording = simulated / "recording.mcap"
     out = tmp_path / "observations.npz"
-    assert run("detect", rig, recording, "--out", out, "--jobs", 1, "--quiet") == 0
+    assert command("detect", rig, recording, "--out", out, "--jobs", 1, "--quiet").code == 0
     assert out.read_bytes() == (calibrated / "observations.npz").read_bytes()
 
 
@@ -72,8 +73,9 @@ def test_the_report_shows_pictures_from_the_recording(calibrated):
     assert len(page) < 5_000_000
 
 
-def test_evaluate_speaks_json(calibrated, simulated, run, capsys):
+def test_evaluate_speaks_json(calibrated, simulated, command):
     truth = simulated / "truth.yaml"
-    assert run("evaluate", calibrated / "calibration.yaml", "--truth", truth, "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+    ran = command("evaluate", calibrated / "calibration.yaml", "--truth", truth, "--json")
+    assert ran.code == 0
+    answer = json.loads(ran.out)
     assert set(answer["sensors"]) == {"left", "right", "scan"}

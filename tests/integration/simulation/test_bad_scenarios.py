@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
-
-from rigcal.cli import main
 
 MESSAGES = Path(__file__).parent / "messages"
 RIG, SCENARIO = "rig.yaml", "scenario.yaml"
@@ -65,7 +64,7 @@ def test_a_simulation_that_cannot_be(
     scenario_file: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: Any,
 ) -> None:
     changed, old, new = CASES[name]
     for path in (rig_file, scenario_file):
@@ -75,10 +74,8 @@ def test_a_simulation_that_cannot_be(
             text = text.replace(old, new)
         (tmp_path / path.name).write_text(text)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as exit_:
-        main(["simulate", RIG, "--scenario", SCENARIO, "--out", "out", "--quiet"])
-    answer = capsys.readouterr()
-    assert exit_.value.code == 2
+    answer = command("simulate", RIG, "--scenario", SCENARIO, "--out", "out", "--quiet")
+    assert answer.code == 2
     assert answer.out == ""
     assert not (tmp_path / "out").exists()
     golden = MESSAGES / f"{name}.txt"

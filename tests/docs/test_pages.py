@@ -69,6 +69,43 @@ def test_no_code_hides_outside_the_guide() -> None:
             assert languages <= {"text"}, path
 
 
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "examples/real/README.md")),
+    # It brings a command of its own, and is run whole.
+    *sorted(set((ROOT / "docs").rglob("*.md")) - {ROOT / "docs" / "guide" / "other-doors.md"}),
+]
+_BLOCKS = re.compile(r"^```\w*\n(.*?)^```$|((?:^ {4,}.*\n)+)", re.M | re.S)
+_SPANS = re.compile(r"`(rigcal [^`]+)`")
+_COMMAND = re.compile(r"^(?:uv run )?rigcal ([a-z][a-z-]*)\b(.*)")
+
+
+def _commands_of(page: Path) -> list[tuple[str, list[str]]]:
+    """Command and options of every line of code that calls rigcal, in a block or within text."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    blocks = [
+        line.strip() for found in _BLOCKS.findall(text) for line in "".join(found).split("\n")
+    ]
+    lines = blocks + [" ".join(span.split()) for span in _SPANS.findall(text)]
+    found = [match for line in lines if (match := _COMMAND.match(line.partition(" #")[0]))]
+    return [(m[1], re.findall(r"(?<= )--?[a-z][a-z-]*", m[2])) for m in found]
+
+
+@pytest.mark.parametrize("page_", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_commands_and_options_that_a_page_names_exist(commands_page: Any, page_: Path) -> None:
+    """Also where they are not run, because they take minutes or need outside data."""
+    commands = commands_page.commands()
+    for name, options in _commands_of(page_):
+        assert name in commands, name
+        known = {o for p in commands[name].params for o in (*p.opts, *p.secondary_opts)}
+        assert set(options) <= known | {"--help", "-v"}, name
+
+
+def test_commands_are_found_wherever_they_stand() -> None:
+    in_blocks = {name for name, _ in _commands_of(ROOT / "docs" / "guide" / "recording.md")}
+    assert in_blocks == {"simulate", "calibrate", "evaluate"}
+    assert ("export", ["--format", "--out"]) in _commands_of(ROOT / "README.md")
+
+
 @pytest.fixture(scope="module")
 def commands_page() -> Any:
     spec = importlib.util.spec_from_file_location("page", ROOT / "docs" / "commands_page.py")

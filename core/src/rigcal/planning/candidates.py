@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,10 @@ _NEAR, _FAR, _FAR_OF_RIG = 1.0, 3.0, 1.5
 _SHIFT = 0.4
 # Roll about the board's normal, leaning, turning: what can be held by hand.
 _MOST_RPY_DEG = np.array([45.0, 35.0, 40.0])
+_MOST_TILT = np.radians(50.0)
+# How far a pose is varied, [rotation (rad), translation (m)], and draws for each that can be used.
+_VARIED = np.array([0.2, 0.2, 0.2, 0.15, 0.15, 0.15])
+_TRIES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,27 @@ def draw_candidates(
     view with none has none.
     """
     return [pose for name, n in counts.items() for pose in _in_view_of(site, name, n, rng)]
+
+
+def vary(site: Site, pose: BoardPose, count: int, rng: np.random.Generator) -> list[BoardPose]:
+    """Up to `count` poses like this one that can be shown too."""
+    target, found = site.targets[pose.target], list[BoardPose]()
+    for xi in rng.normal(0.0, _VARIED, (_TRIES * count, 6)):
+        T_root_t = pose.T_root_t @ se3.exp(xi)
+        if site.in_reach(target, T_root_t) and site.is_clear(target, T_root_t):
+            seen_by = _seen_by(site, target.name, T_root_t)
+            if len(seen_by) >= 2 and _tilt(site, seen_by, T_root_t) < _MOST_TILT:
+                found.append(BoardPose(target.name, T_root_t, seen_by))
+        if len(found) == count:
+            break
+    return found
+
+
+def _tilt(site: Site, names: Sequence[str], T_root_t: Array) -> float:
+    """The angle by which a board does not face that of the sensors which it faces most."""
+    toward = np.array([site.T_root_s[name][:3, 3] for name in names]) - T_root_t[:3, 3]
+    cosines = toward @ T_root_t[:3, 2] / np.linalg.norm(toward, axis=1)
+    return float(np.arccos(np.clip(cosines.max(), -1.0, 1.0)))
 
 
 def _in_view_of(site: Site, name: str, count: int, rng: np.random.Generator) -> list[BoardPose]:

@@ -7,7 +7,7 @@ augmentation of an experiment's design: V. V. Fedorov, Theory of Optimal Experim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,18 +65,14 @@ class Judge:
         return result
 
 
-def choose(judge: Judge, known: Array, offered: Array, count: int) -> list[int]:
-    """The `count` of the exposures offered (K, 6 S, 6 S) that are best together, greedily.
+def best(judge: Judge, known: Array, offered: Array, taken: Collection[int] = ()) -> int:
+    """Which of the exposures offered (K, 6 S, 6 S) is best beside what is `known` (6 S, 6 S).
 
-    `known` (6 S, 6 S) is what is known without them.
+    Those `taken` already are not chosen again.
     """
-    chosen: list[int] = []
-    for _ in range(min(count, len(offered))):
-        badness = judge.badness(known + offered)
-        badness[chosen] = np.inf
-        chosen.append(int(np.argmin(badness)))
-        known = known + offered[chosen[-1]]
-    return chosen
+    badness = judge.badness(known + offered)
+    badness[list(taken)] = np.inf
+    return int(np.argmin(badness))
 
 
 def typical(judge: Judge, draws: Sequence[Array]) -> dict[str, Sigma]:

@@ -12,8 +12,8 @@ from rigcal.errors import ConfigError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.stages import given_poses
 from rigcal.observation import Observation
-from rigcal.planning.candidates import draw_candidates
-from rigcal.planning.choice import Judge, choose, typical
+from rigcal.planning.candidates import draw_candidates, vary
+from rigcal.planning.choice import Judge, best, typical
 from rigcal.planning.gain import Pool, can_be_planned, weigh
 from rigcal.planning.recorded import Recorded, nothing_recorded, recorded
 from rigcal.planning.result import Plan, Proposal
@@ -25,11 +25,13 @@ from rigcal.rig import Rig
 
 EXPOSURES = (10, 20, 40, 80)
 # Candidates for all sensors alike, and as many again for those that are known least.
-_CANDIDATES = 100
+_CANDIDATES = 80
 _LEAST_KNOWN = 0.5
 _BATCH = 16
 _DRAWS = 25
 _PROPOSALS = 5
+# The best candidate is varied, so often and in so many ways.
+_ROUNDS, _VARIATIONS = 2, 8
 
 
 def plan(
@@ -77,7 +79,7 @@ def plan(
         T_root_s=so_far.T_root_s,
         predicted=predicted,
         recorded=None if observations is None else judge.sigmas(so_far.information),
-        proposals=() if observations is None else _proposals(site, pool, judge, so_far),
+        proposals=() if observations is None else _proposals(site, pool, judge, so_far, rng),
         boards=examples,
         unjoined=so_far.unjoined,
         unplanned=_unplanned(site, planned),
@@ -133,10 +135,20 @@ def _of_recording(pool: Pool, order: NDArray[np.int64], exposures: int) -> Array
     return result
 
 
-def _proposals(site: Site, pool: Pool, judge: Judge, so_far: Recorded) -> tuple[Proposal, ...]:
-    known, proposals = so_far.information, []
-    for i in choose(judge, known, pool.information, _PROPOSALS):
-        known, pose = known + pool.information[i], pool.poses[i]
+def _proposals(
+    site: Site, pool: Pool, judge: Judge, so_far: Recorded, rng: np.random.Generator
+) -> tuple[Proposal, ...]:
+    known, taken, proposals = so_far.information, list[int](), list[Proposal]()
+    for _ in range(min(_PROPOSALS, len(pool.poses))):
+        taken.append(best(judge, known, pool.information, taken))
+        pose, gain = pool.poses[taken[-1]], pool.information[taken[-1]]
+        for _ in range(_ROUNDS):
+            near = weigh(site, vary(site, pose, _VARIATIONS, rng), so_far.scales, rng)
+            poses = (pose, *near.poses)
+            gains = np.concatenate([gain[None], near.information])
+            i = best(judge, known, gains)
+            pose, gain = poses[i], gains[i]
+        known = known + gain
         proposals.append(
             Proposal(
                 pose.target, pose.T_root_t, pose.seen_by, describe(site, pose), judge.sigmas(known)

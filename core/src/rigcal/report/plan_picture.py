@@ -139,7 +139,8 @@ def _draw_boards(axes: Axes, boards: Sequence[Array], i: int, j: int) -> None:
     axes.add_collection(
         PolyCollection(
             [board[:, [i, j]] for board in boards],
-            facecolors="#8a949e0c", edgecolors=f"{_QUIET}88", linewidths=0.5,
+            facecolors=(_QUIET, min(0.15, 4 / max(len(boards), 1))), edgecolors=(_QUIET, 0.6),
+            linewidths=0.6,
         )
     )  # fmt: skip
 

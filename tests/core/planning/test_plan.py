@@ -7,6 +7,7 @@ from rigcal.errors import ConfigError
 from rigcal.estimation import calibrate
 from rigcal.geometry import se3
 from rigcal.graph.method import Method
+from rigcal.graph.numbers import NO_NUMBERS
 from rigcal.planning import plan
 from rigcal.planning.candidates import draw_candidates
 from rigcal.planning.choice import Judge
@@ -236,8 +237,9 @@ def test_information_of_a_pose_is_that_of_its_sensors_only(bench):
     rig = bench.rig(*ALL)
     site = Site.of(rig, bench.registry, T_root_sensors(rig), ())
     rng = np.random.default_rng(11)
-    pool = weigh(site, draw_candidates(site, {"left": 4}, rng), {}, rng)
-    noisier = weigh(site, pool.poses, {"left": 3.0, "gauge": 3.0, "right": 3.0, "slit": 3.0}, rng)
+    pool = weigh(site, draw_candidates(site, {"left": 4}, rng), NO_NUMBERS, {}, rng)
+    scales = {"left": 3.0, "gauge": 3.0, "right": 3.0, "slit": 3.0}
+    noisier = weigh(site, pool.poses, NO_NUMBERS, scales, rng)
     for pose, M, M_noisier in zip(pool.poses, pool.information, noisier.information, strict=True):
         told = [M[6 * i : 6 * i + 6].any() for i in range(len(ALL))]
         assert told == [name in pose.seen_by for name in ALL]

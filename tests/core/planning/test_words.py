@@ -59,6 +59,7 @@ def test_places_beside_above_and_behind(site):
     assert place((-0.5, -2, 0.2), "gauge") == "2.0 m to the right of gauge, 0.5 m back, 0.2 m up"
     assert place((-2, 0, 0.02), "gauge") == "2.0 m behind gauge"
     assert place((0.2, 0, 2), "gauge") == "2.0 m above gauge, 0.2 m forward"
+    assert place((0.44, 0.07, 0), "left") == "0.45 m in front of left, 0.05 m to the left"
     assert place((-2.3, 0, 0.1), "gauge", "back") == "2.0 m in front of back"
 
 

@@ -1,6 +1,7 @@
 """`rigcal plan` for a rig of cameras and lasers: tables, words, picture, JSON."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -131,3 +132,25 @@ def test_a_verdict_that_falls_short_points_to_the_plan(cart, make_boards):
     seen = cart.record(rng, make_boards(rng, 16, 30.0, (1.2, 3.0), UPRIGHT), ("left", "scan"))
     with pytest.raises(NotDeterminedError, match=r"`rigcal plan RIG --observations \S+` says"):
         calibrate(cart.rig(("left", "scan")), cart.registry, seen)
+
+
+def test_a_lens_that_is_refined_is_not_taken_as_known(cart, make_boards):
+    rng = np.random.default_rng(24)
+    seen = cart.record(rng, make_boards(rng, 14), ("left", "right"))
+    free = cart.rig(("left", "right"), {"right": {"refine": ["lens"]}})
+    so_far = plan(free, cart.registry, seen)
+    calibrated = calibrate(free, cart.registry, seen)
+    sigma = np.sqrt(np.diagonal(calibrated.sensors["right"].covariance)[3:].sum())
+    assert so_far.recorded["right"].translation_m == pytest.approx(sigma, rel=0.05)
+    held = plan(cart.rig(("left", "right")), cart.registry, seen)
+    assert so_far.after["right"].size > 1.5 * held.after["right"].size
+    more = [cart.truth["left"] @ p.T_root_t for p in so_far.proposals]
+    again = calibrate(
+        free, cart.registry, [*seen, *_renamed(cart.record(rng, more, ("left", "right")))]
+    )
+    sigma = np.sqrt(np.diagonal(again.sensors["right"].covariance)[3:].sum())
+    assert so_far.after["right"].translation_m == pytest.approx(sigma, rel=0.2)
+
+
+def _renamed(observations):
+    return [replace(o, exposure=f"more {o.exposure}") for o in observations]

@@ -25,7 +25,8 @@ _ORDER = 4
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """Judges information (..., 6 S, 6 S) of all `sensors`, those named in `fixed` being known.
+    """Judges information (..., 6 S + Q, 6 S + Q) of the poses of all `sensors` and of Q numbers in
+    units, the poses of those named in `fixed` being known.
 
     `judged` sensors count for what is worst.
     """
@@ -56,17 +57,19 @@ class Judge:
 
     def _variances(self, information: Array) -> Array:
         """(..., S, 6) of the free sensors, in units of what is weak."""
+        numbers, poses = information.shape[-1] - 6 * len(self.sensors), 6 * len(self.free)
         kept = np.repeat([s not in self.fixed for s in self.sensors], 6)
-        unit = np.tile(WEAK, len(self.free))
+        kept = np.append(kept, np.ones(numbers, dtype=bool))
+        unit = np.append(np.tile(WEAK, len(self.free)), np.ones(numbers))
         own = information[..., kept, :][..., kept] * np.outer(unit, unit)
         inverse = np.linalg.inv(own + np.eye(len(unit)) / _UNKNOWN**2)
-        variances = np.diagonal(inverse, axis1=-2, axis2=-1)
+        variances = np.diagonal(inverse, axis1=-2, axis2=-1)[..., :poses]
         result: Array = variances.reshape(*variances.shape[:-1], len(self.free), 6)
         return result
 
 
 def best(judge: Judge, known: Array, offered: Array, taken: Collection[int] = ()) -> int:
-    """Which of the exposures offered (K, 6 S, 6 S) is best beside what is `known` (6 S, 6 S).
+    """Which of the exposures offered (K, n, n) is best beside what is `known` (n, n).
 
     Those `taken` already are not chosen again.
     """
@@ -76,7 +79,7 @@ def best(judge: Judge, known: Array, offered: Array, taken: Collection[int] = ()
 
 
 def typical(judge: Judge, draws: Sequence[Array]) -> dict[str, Sigma]:
-    """The median of each sigma over the information (6 S, 6 S) of several recordings."""
+    """The median of each sigma over the information (n, n) of several recordings."""
     found = [judge.sigmas(information) for information in draws]
     return {
         s: Sigma(

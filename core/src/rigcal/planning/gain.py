@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rigcal.errors import ConfigError, PluginError, RigcalError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.information import Ends, eliminate
-from rigcal.graph.numbers import NO_NUMBERS
+from rigcal.graph.numbers import Numbers
 from rigcal.graph.stack import EdgeStack, poses_of
 from rigcal.observation import Candidate
 from rigcal.planning.candidates import BoardPose
@@ -24,7 +25,8 @@ from rigcal.targets.target import Target
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Board poses, and the information (K, 6 S, 6 S) that each gives of the poses of all sensors.
+    """Board poses, and the information (K, 6 S + Q, 6 S + Q) that each gives of the poses of all
+    sensors and the numbers that the rig asks to refine.
 
     The root is one of them: no sensor is held.
     """
@@ -39,7 +41,11 @@ def can_be_planned(kind: SensorType) -> bool:
 
 
 def weigh(
-    site: Site, poses: Sequence[BoardPose], scales: Mapping[str, float], rng: np.random.Generator
+    site: Site,
+    poses: Sequence[BoardPose],
+    numbers: Numbers,
+    scales: Mapping[str, float],
+    rng: np.random.Generator,
 ) -> Pool:
     """What each pose would tell, by the residuals of simulated observations at the true poses.
 
@@ -53,7 +59,7 @@ def weigh(
         if len(found) > 1:
             edges += found
             kept.append(replace(pose, seen_by=tuple(e.sensor for e in found)))
-    return Pool(tuple(kept), _information(site, kept, edges))
+    return Pool(tuple(kept), _information(site, kept, edges, numbers))
 
 
 def _edges(
@@ -67,7 +73,15 @@ def _edges(
     for name in pose.seen_by:
         kind, config = site.kinds[name], site.rig.sensors[name]
         T_s_t = se3.inverse(site.T_root_s[name]) @ pose.T_root_t
-        candidate = _observed(kind, T_s_t, config, target, rng)
+        try:
+            candidate = _observed(kind, T_s_t, config, target, rng)
+        except RigcalError as error:
+            raise ConfigError(f"sensors.{name}: {error}") from error
+        except Exception as error:
+            raise PluginError(
+                f"sensor '{name}': type '{config.type}' fails to simulate what it sees of a board: "
+                f"{type(error).__name__}: {error}; its plugin needs mending"
+            ) from error
         if candidate is not None:
             residual = residual_of(kind, candidate, config, target)
             edges.append(SensorTargetEdge(name, exposure, residual, scales.get(name, 1.0)))
@@ -92,20 +106,23 @@ def _observed(
 
 
 def _information(
-    site: Site, poses: Sequence[BoardPose], edges: Sequence[SensorTargetEdge]
+    site: Site, poses: Sequence[BoardPose], edges: Sequence[SensorTargetEdge], numbers: Numbers
 ) -> Array:
-    """(K, 6 S, 6 S), the board of each exposure eliminated."""
+    """(K, 6 S + Q, 6 S + Q), the board of each exposure eliminated."""
     count = len(site.T_root_s)
+    size = 6 * count + len(numbers)
     if not edges:
-        return np.zeros((0, 6 * count, 6 * count))
+        return np.zeros((0, size, size))
     exposures = [str(k) for k in range(len(poses))]
-    stack = EdgeStack(edges, list(site.T_root_s), exposures)
+    stack = EdgeStack(edges, list(site.T_root_s), exposures, numbers)
     T_s_t = stack.relative(poses_of(site.T_root_s), np.stack([p.T_root_t for p in poses]))
-    stack.check(T_s_t)
-    H, A = stack.blocks(T_s_t).H, se3.adjoint(se3.inverse(T_s_t))
+    stack.check(T_s_t, numbers)
+    H, A = stack.blocks(T_s_t, numbers=numbers).H, se3.adjoint(se3.inverse(T_s_t))
+    # What is known beforehand is known once, and not of every exposure.
+    beforehand = np.diag(np.concatenate([np.zeros(6 * count), numbers.known]))
     result = []
     for k in range(len(poses)):
         own = stack.exposure == k
         ends = Ends(stack.sensor[own], np.zeros(own.sum(), np.int64), A[own])
-        result.append(eliminate(H[own], ends, count, 1, NO_NUMBERS)[0])
+        result.append(eliminate(H[own], ends, count, 1, numbers)[0] - beforehand)
     return np.stack(result)

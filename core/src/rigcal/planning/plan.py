@@ -53,12 +53,12 @@ def plan(
     Poses of the sensors are those of `calibration`, or `pose` in the rig file; observations are
     calibrated first, and go before them. Of sensor types that simulate, residuals at simulated
     observations say what a board pose would tell; others are named in `Plan.unplanned`. Numbers
-    that the rig asks to refine are taken as known in what is planned. ConfigError for sensors
-    whose pose nothing tells, and if no two sensors see a board at a common place; other errors as
-    of `calibrate`. The same input and seed give the same plan.
+    that the rig asks to refine are unknown beside the poses. ConfigError for sensors whose pose
+    nothing tells, and if no two sensors see a board at a common place; other errors as of
+    `calibrate`. The same input and seed give the same plan.
     """
     if observations is None:
-        so_far = nothing_recorded(rig, calibration)
+        so_far = nothing_recorded(rig, registry, calibration)
     else:
         so_far = recorded(rig, registry, observations, calibration, seed, progress)
     site = Site.of(rig, registry, so_far.T_root_s, so_far.boards)
@@ -68,9 +68,11 @@ def plan(
     judge = _judge(rig, so_far, planned)
     predicted, examples = {}, so_far.boards
     if observations is None:
+        known = so_far.information
         draws = [rng.permutation(len(pool.poses)) for _ in range(_DRAWS)]
         predicted = {
-            n: typical(judge, [_of_recording(pool, draw, n) for draw in draws]) for n in exposures
+            n: typical(judge, [known + _of_recording(pool, draw, n) for draw in draws])
+            for n in exposures
         }
         shown = [pool.poses[i] for i in draws[0][: min(exposures)]]
         examples = tuple((pose.target, pose.T_root_t) for pose in shown)
@@ -93,7 +95,7 @@ def _pool(site: Site, so_far: Recorded, rng: np.random.Generator, tell: Progress
     parts = []
     for start in range(0, len(poses), _BATCH):
         tell("board poses", start, len(poses))
-        parts.append(weigh(site, poses[start : start + _BATCH], so_far.scales, rng))
+        parts.append(weigh(site, poses[start : start + _BATCH], so_far.numbers, so_far.scales, rng))
     tell("board poses", len(poses), len(poses))
     kept = tuple(pose for part in parts for pose in part.poses)
     if not kept:
@@ -128,7 +130,7 @@ def _judge(rig: Rig, so_far: Recorded, planned: frozenset[str]) -> Judge:
 
 
 def _of_recording(pool: Pool, order: NDArray[np.int64], exposures: int) -> Array:
-    """Information (6 S, 6 S) of the first exposures in an order; once through, all over again."""
+    """Information (n, n) of the first exposures in an order; once through, all over again."""
     rounds, rest = divmod(exposures, len(pool.poses))
     total = pool.information[order[:rest]].sum(axis=0)
     result: Array = total + rounds * pool.information.sum(axis=0)
@@ -143,7 +145,8 @@ def _proposals(
         taken.append(best(judge, known, pool.information, taken))
         pose, gain = pool.poses[taken[-1]], pool.information[taken[-1]]
         for _ in range(_ROUNDS):
-            near = weigh(site, vary(site, pose, _VARIATIONS, rng), so_far.scales, rng)
+            like = vary(site, pose, _VARIATIONS, rng)
+            near = weigh(site, like, so_far.numbers, so_far.scales, rng)
             poses = (pose, *near.poses)
             gains = np.concatenate([gain[None], near.information])
             i = best(judge, known, gains)

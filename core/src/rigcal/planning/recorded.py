@@ -15,11 +15,13 @@ from rigcal.geometry.se3 import Array
 from rigcal.graph import global_estimate
 from rigcal.graph.known import known_information
 from rigcal.graph.method import Method
+from rigcal.graph.numbers import Numbers, numbers_of
 from rigcal.graph.solve import Solution
+from rigcal.graph.task import Task
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
-from rigcal.rig import Rig
+from rigcal.rig import Rig, build_targets
 
 Link = tuple[str, str, Array]
 """Sensors a and b, and `T_a_b` (4, 4)."""
@@ -27,27 +29,30 @@ Link = tuple[str, str, Array]
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """`T_root_s` of all sensors, and `information` (6 S, 6 S) of their poses, none being held.
+    """`T_root_s` of all sensors; `information` (6 S + Q, 6 S + Q) of their poses and `numbers`.
 
-    `boards` are targets and `T_root_t` (4, 4), `scales` the sensors' noise over the configured one.
-    `unjoined` sensors are where the rig file or a calibration has them.
+    No sensor is held. The Q numbers are what the rig asks to refine, in units. `boards` are targets
+    and `T_root_t` (4, 4), `scales` the sensors' noise over the configured one. `unjoined` sensors
+    are where the rig file or a calibration has them.
     """
 
     T_root_s: Mapping[str, Array]
+    numbers: Numbers
     information: Array
     boards: tuple[tuple[str, Array], ...]
     scales: Mapping[str, float]
     unjoined: tuple[str, ...]
 
 
-def nothing_recorded(rig: Rig, calibration: Calibration | None) -> Recorded:
+def nothing_recorded(rig: Rig, registry: Registry, calibration: Calibration | None) -> Recorded:
     """Poses from the rig file or a calibration alone.
 
     ConfigError names the sensors whose poses neither gives.
     """
     T_root_s = _placed(rig, {rig.root: np.eye(4)}, (), _links(rig, calibration))
-    nothing = np.zeros((6 * len(T_root_s), 6 * len(T_root_s)))
-    return Recorded(T_root_s, nothing, (), {}, ())
+    numbers = _numbers(rig, registry)
+    beforehand = np.diag(np.concatenate([np.zeros(6 * len(T_root_s)), numbers.known]))
+    return Recorded(T_root_s, numbers, beforehand, (), {}, ())
 
 
 def recorded(
@@ -71,12 +76,17 @@ def recorded(
     joined = _reached({rig.root: np.eye(4)}, within)
     T_root_s = _placed(rig, joined, within, _links(rig, calibration))
     at = {s: i for i, s in enumerate(rig.sensors)}
-    information = np.zeros((6 * len(at), 6 * len(at)))
+    numbers = _numbers(rig, registry)
+    values = numbers.values.copy()
+    information = np.zeros((6 * len(at) + len(numbers), 6 * len(at) + len(numbers)))
     boards: list[tuple[str, Array]] = []
     scales: dict[str, float] = {}
     for own, found in groups:
-        rows = np.concatenate([np.arange(6) + 6 * at[s] for s in found.sensors])
-        information[np.ix_(rows, rows)] = _known(found)
+        entries = _entries(numbers, found.numbers)
+        values[entries] = found.numbers.values
+        rows = [6 * at[s] + i for s in found.sensors for i in range(6)]
+        rows += [6 * len(at) + i for i in entries]
+        information[np.ix_(rows, rows)] += _known(found)
         scales |= found.scales if rig.noise == "estimated" else {}
         seen_by = {e.exposure: e.sensor for e in found.edges}
         boards += [
@@ -85,7 +95,8 @@ def recorded(
             if k in seen_by
         ]
     unjoined = tuple(s for s in rig.sensors if s not in joined)
-    return Recorded(T_root_s, information, tuple(boards), scales, unjoined)
+    numbers = replace(numbers, values=values)
+    return Recorded(T_root_s, numbers, information, tuple(boards), scales, unjoined)
 
 
 def _groups(
@@ -135,16 +146,29 @@ def _part(rig: Rig, names: Sequence[str]) -> Rig:
 
 
 def _known(solution: Solution) -> Array:
-    """(6 S, 6 S) information of the sensors' poses; what was refined beside them is eliminated."""
-    size = 6 * len(solution.sensors)
+    """(6 S + Q, 6 S + Q) information of the sensors' poses and what was refined beside them."""
     M = known_information(
         solution.edges, solution.sensors, solution.targets, frozenset(), solution.numbers
     )
-    M_nn = M[size:, size:] + 1e-9 * np.eye(len(M) - size)
-    M = M[:size, :size] - M[:size, size:] @ np.linalg.solve(M_nn, M[size:, :size])
     values, vectors = np.linalg.eigh((M + M.T) / 2)
     result: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return result
+
+
+def _numbers(rig: Rig, registry: Registry) -> Numbers:
+    """What the rig asks to refine, where it starts."""
+    kinds = {name: registry.sensor_type(c.type) for name, c in rig.sensors.items()}
+    return numbers_of(Task(rig, kinds, build_targets(rig, registry), {}))
+
+
+def _entries(numbers: Numbers, part: Numbers) -> list[int]:
+    """The entries in all numbers of those of a part of the rig."""
+    start = {(g.owner, g.name): g.start for g in numbers.groups}
+    return [
+        start[g.owner, g.name] + i
+        for g in part.groups
+        for i in range(g.entries.stop - g.entries.start)
+    ]
 
 
 def _links(rig: Rig, calibration: Calibration | None) -> list[Link]:

@@ -15,13 +15,15 @@ LEGEND = (
     "turned left when its face then looks to that sensor's left, leans back when it looks up, and "
     "is rolled about its normal, clockwise as that sensor sees it."
 )
-_STEP_M, _STEP_DEG = 0.1, 5
+_STEP_DEG = 5
+# Nearer than a metre, places are told to half of 0.1 m.
+_STEP_M, _NEAR_M = 0.1, 1.0
 # A sensor this far from upright gives a poor sense of left and up (rad).
 _UPRIGHT = np.radians(30.0)
 
 
 def describe(site: Site, pose: BoardPose) -> str:
-    """Where the board is held and how, to 0.1 m and 5 degrees."""
+    """Where the board is held and how, to 0.1 m (0.05 m where it is near) and 5 degrees."""
     name = best_view(site, pose)
     R_s_b = body_axes(site.rig.sensors[name])
     T_b_t = se3.inverse(site.T_root_s[name] @ se3.transform(R_s_b, np.zeros(3))) @ pose.T_root_t
@@ -52,12 +54,14 @@ def _place(name: str, p_b: Array) -> str:
     )  # fmt: skip
     level = float(np.linalg.norm(p_b[:2]))
     main = 2 if abs(p_b[2]) > 1.5 * level else int(np.argmax(np.abs(p_b[:2])))
+    is_near = float(np.linalg.norm(p_b)) < _NEAR_M
+    step, digits = (_STEP_M / 2, 2) if is_near else (_STEP_M, 1)
     parts = []
     for axis in (main, *(i for i in range(3) if i != main)):
-        length = round(abs(float(p_b[axis])) / _STEP_M) * _STEP_M
+        length = round(abs(float(p_b[axis])) / step) * step
         first, further = ways[axis + 3 * (p_b[axis] < 0)]
         if axis == main or length:
-            parts.append(f"{length:.1f} m {first if axis == main else further}")
+            parts.append(f"{length:.{digits}f} m {first if axis == main else further}")
     return ", ".join(parts)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ import yaml
 import rigcal
 from rigcal.calibration import Calibration, SensorResult
 from rigcal.geometry import se3
+from rigcal_sim.features import observe_boards
+from rigcal_sim.scenario import ScenarioConfig
 
 ROOT = Path(__file__).parents[2]
 GUIDE = sorted(p.name for p in (ROOT / "docs" / "guide").glob("*.md"))
@@ -36,8 +39,8 @@ RIG = {
 
 
 @pytest.fixture
-def supplied(desk: Any) -> Any:
-    """A desk with a rig and calibrations of it, which some pages begin from."""
+def supplied(desk: Any, seen: Path) -> Any:
+    """A desk with a rig, what it saw, and calibrations of it, which some pages begin from."""
     T = se3.exp(np.array([0.0, 0.3, 0.1, 0.1, 0.0, 0.2]))
     sensors = {
         "lidar": SensorResult("lidar", np.eye(4)),
@@ -48,7 +51,26 @@ def supplied(desk: Any) -> Any:
     for name in ("first", "second", "result"):
         path = desk.folder / name / "calibration.yaml"
         rigcal.save_calibration(path, Calibration("lidar", sensors))
+    shutil.copy(seen, desk.folder / "first" / "observations.npz")
     return desk
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the rig's sensors see of 15 boards, looking to one side from a few centimetres apart."""
+    path = tmp_path_factory.mktemp("seen") / "observations.npz"
+    registry = rigcal.Registry.from_entry_points()
+    scan = {"pattern": "multibeam", "elevations_deg": [*range(-20, 21, 4)], "azimuth_step_deg": 1}
+    added: dict[str, Any] = {"lidar": {"scan": scan}}
+    for i in range(2):
+        ahead = {"x": -0.5, "y": 0.5, "z": -0.5, "w": 0.5}
+        pose = {"parent": "lidar", "translation_m": [0.0, 0.1 * i, 0.1], "rotation": ahead}
+        added[f"cam{i}"] = {"pose": pose}
+    sensors = {name: config | added[name] for name, config in RIG["sensors"].items()}
+    rig = rigcal.parse_rig(RIG | {"sensors": sensors}, registry)
+    scenario = ScenarioConfig(board={"mode": "cover", "poses": 15})
+    rigcal.save_observations(path, observe_boards(rig, registry, scenario, seed=0).observations)
+    return path
 
 
 @pytest.mark.parametrize("name", [name for name in GUIDE if name not in ELSEWHERE])

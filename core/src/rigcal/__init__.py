@@ -44,14 +44,17 @@ if TYPE_CHECKING:
     from rigcal.proposal import propose_rig
     from rigcal.recording.message import Message
     from rigcal.report import write_plan_picture, write_report
+    from rigcal.resampling import Bootstrap, CrossValidation, bootstrap, cross_validate
     from rigcal.rig import Rig, build_targets, load_rig, parse_rig, rig_schema
     from rigcal.second_look import look_again
     from rigcal.skeleton import new_plugin
 
 _HOME = {
+    "Bootstrap": "resampling",
     "Calibration": "calibration",
     "Cancelled": "errors",
     "Comparison": "comparison",
+    "CrossValidation": "resampling",
     "Evaluation": "evaluation",
     "Fused": "fusing",
     "LineGeometry": "observation",
@@ -70,10 +73,12 @@ _HOME = {
     "RigcalError": "errors",
     "SensorResult": "calibration",
     "Sigma": "planning",
+    "bootstrap": "resampling",
     "build_targets": "rig",
     "calibrate": "estimation",
     "calibration_of_poses": "comparison",
     "compare": "comparison",
+    "cross_validate": "resampling",
     "detect": "detection",
     "evaluate": "evaluation",
     "export": "exporting",
@@ -97,9 +102,11 @@ _HOME = {
 }
 
 __all__ = [
+    "Bootstrap",
     "Calibration",
     "Cancelled",
     "Comparison",
+    "CrossValidation",
     "Evaluation",
     "Fused",
     "LineGeometry",
@@ -118,10 +125,12 @@ __all__ = [
     "RigcalError",
     "SensorResult",
     "Sigma",
+    "bootstrap",
     "build_targets",
     "calibrate",
     "calibration_of_poses",
     "compare",
+    "cross_validate",
     "detect",
     "evaluate",
     "export",

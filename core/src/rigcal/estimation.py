@@ -12,7 +12,7 @@ from rigcal.errors import NotDeterminedError, ObservationError
 from rigcal.exposures import by_exposure, name_in_result
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
-from rigcal.graph.global_estimate import solve, start
+from rigcal.graph.global_estimate import Estimate, solve, start
 from rigcal.graph.method import Method
 from rigcal.graph.numbers import NO_NUMBERS, Numbers
 from rigcal.graph.result import make_result
@@ -56,6 +56,14 @@ def prepare(
 
 def finish(stages: Stages, method: Method, progress: Progress | None = None) -> Calibration:
     """The calibration by one method. Errors as of `calibrate`."""
+    result, verdict = solved(stages, method, progress)
+    return make_result(stages, result, method, verdict)
+
+
+def solved(
+    stages: Stages, method: Method, progress: Progress | None = None
+) -> tuple[Estimate, Verdict | None]:
+    """The global estimate by one method, and the verdict on it. Errors as of `calibrate`."""
     if stages.is_loose:
         first = start(stages)
         before = _judge(stages, first.edges, first.sensors, first.targets, provisional=True)
@@ -68,7 +76,7 @@ def finish(stages: Stages, method: Method, progress: Progress | None = None) -> 
         # Outliers blow up the covariance: without the filter it does not tell what the data fix.
         verdict = _judge(stages, found.edges, found.sensors, found.targets, found.numbers)
         _withhold(verdict, method)
-    return make_result(stages, result, method, verdict)
+    return result, verdict
 
 
 def pairwise_calibration(stages: Stages) -> Calibration:

@@ -23,6 +23,7 @@ from rigcal.cli.plan import plan
 from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
 from rigcal.cli.target import target
+from rigcal.cli.validate import validate
 from rigcal.errors import RigcalError
 from rigcal.plugin.registry import Registry
 
@@ -33,6 +34,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "plan": plan,
     "evaluate": evaluate,
     "compare": compare,
+    "validate": validate,
     "export": export,
     "fuse": fuse,
     "target": target,

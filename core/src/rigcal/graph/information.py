@@ -79,9 +79,7 @@ def information(
     stack.check(T_s_t, numbers)
     blocks = stack.blocks(T_s_t, numbers=numbers)
     free = tuple(s for s in sensors if s not in fixed)
-    number = {s: i for i, s in enumerate(free)}
-    column = np.array([number.get(e.sensor, -1) for e in every], dtype=np.int64)
-    ends = Ends(column, stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
+    ends = Ends(_columns(every, free), stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
     rests = np.arange(len(every)) < len(edges)
     matrix, gain, inverse_tt = eliminate(
         blocks.H * rests[:, None, None], ends, len(free), len(targets), numbers
@@ -95,6 +93,38 @@ def information(
     return Information(free, covariance, fits)
 
 
+class SensorInformation:
+    """Information of the free sensors and the numbers from edges alone, wherever the targets are.
+
+    What was known of numbers beforehand counts.
+    """
+
+    def __init__(
+        self,
+        edges: Sequence[SensorTargetEdge],
+        sensors: Mapping[str, Array],
+        targets: Sequence[str],
+        fixed: frozenset[str],
+        numbers: Numbers = NO_NUMBERS,
+    ) -> None:
+        self._stack, self._numbers = EdgeStack(edges, list(sensors), targets, numbers), numbers
+        self._T_root_s = poses_of(sensors)
+        self._targets = len(targets)
+        free = [s for s in sensors if s not in fixed]
+        self._columns, self._free = _columns(edges, free), len(free)
+
+    def at(self, T_root_t: Array) -> tuple[Array, Array]:
+        """(6 S + Q, 6 S + Q) with the targets at poses (K, 4, 4).
+
+        With it the covariance (K, 6, 6) that each target would have if the rest were known.
+        """
+        T_s_t = self._stack.relative(self._T_root_s, T_root_t)
+        ends = Ends(self._columns, self._stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
+        H = self._stack.blocks(T_s_t, numbers=self._numbers).H
+        matrix, _, covariances = eliminate(H, ends, self._free, self._targets, self._numbers)
+        return matrix, covariances
+
+
 @dataclass(frozen=True, eq=False)
 class Ends:
     """How `T_s_t` of E edges moves: by the target's perturbation as it is, by the sensor's by -A.
@@ -105,6 +135,11 @@ class Ends:
     column: Index
     exposure: Index
     A: Array
+
+
+def _columns(edges: Sequence[SensorTargetEdge], free: Sequence[str]) -> Index:
+    number = {s: i for i, s in enumerate(free)}
+    return np.array([number.get(e.sensor, -1) for e in edges], dtype=np.int64)
 
 
 def eliminate(

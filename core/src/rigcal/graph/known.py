@@ -9,9 +9,9 @@ import numpy as np
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
-from rigcal.graph.information import Ends, eliminate
+from rigcal.graph.information import SensorInformation
 from rigcal.graph.numbers import NO_NUMBERS, Numbers
-from rigcal.graph.stack import EdgeStack, poses_of
+from rigcal.graph.stack import poses_of
 
 # Information counts as far as it exceeds so many times what the noise feigns on average.
 _NOISE_FACTOR = 4.0
@@ -33,25 +33,15 @@ def known_information(
     information in the boards' covariances, which is found by moving all boards along each of their
     six principal axes, both ways, by a standard deviation. Four times that is taken off.
     """
-    stack = EdgeStack(edges, list(sensors), list(targets), numbers)
-    T_root_s, T_root_t = poses_of(sensors), poses_of(targets)
-    free = [s for s in sensors if s not in fixed]
-    number = {s: i for i, s in enumerate(free)}
-    column = np.array([number.get(e.sensor, -1) for e in edges], dtype=np.int64)
-
-    def held(T_root_t: Array) -> tuple[Array, Array]:
-        T_s_t = stack.relative(T_root_s, T_root_t)
-        ends = Ends(column, stack.exposure, se3.adjoint(se3.inverse(T_s_t)))
-        H = stack.blocks(T_s_t, numbers=numbers).H
-        matrix, _, covariances = eliminate(H, ends, len(free), len(targets), numbers)
-        return matrix, covariances
-
-    matrix, covariances = held(T_root_t)
+    held = SensorInformation(edges, sensors, list(targets), fixed, numbers)
+    T_root_t = poses_of(targets)
+    matrix, covariances = held.at(T_root_t)
     variances, axes = np.linalg.eigh(covariances)
     steps = axes * np.sqrt(np.clip(variances, 0.0, _FARTHEST**2))[:, None, :]
     feigned = np.zeros_like(matrix)
     for i in range(6):
-        there, back = (held(T_root_t @ se3.exp(sign * steps[:, :, i]))[0] for sign in (1, -1))
+        moved = (T_root_t @ se3.exp(sign * steps[:, :, i]) for sign in (1, -1))
+        there, back = (held.at(poses)[0] for poses in moved)
         feigned += (there + back) / 2 - matrix
     result: Array = matrix - _NOISE_FACTOR * feigned
     return result

@@ -23,6 +23,8 @@ _TOLERABLE_SCALE = 0.01
 _LISTED = 4
 # So many times the tolerable error is as good as no information.
 _UNKNOWN = 1e3
+# What is held is known to this share of the tolerable error.
+_HELD = 1e-6
 
 SCALE = Parameters(
     names=("scale",),
@@ -43,11 +45,7 @@ class Group:
     name: str
     parameters: Parameters
     start: int
-
-    @property
-    def is_target(self) -> bool:
-        """Whether the owner is a target."""
-        return self.parameters is SCALE
+    is_target: bool = False
 
     @property
     def entries(self) -> slice:
@@ -98,6 +96,15 @@ class Numbers:
         """Moved by a step (Q,) in units."""
         return replace(self, values=self.values + self.unit * step)
 
+    def held(self) -> Numbers:
+        """As they are now, and so well known that an estimate leaves them there."""
+        groups = []
+        for g in self.groups:
+            values, sigma = self.values[g.entries], _HELD * self.unit[g.entries]
+            known = replace(g.parameters, values=values, prior_sigma=sigma)
+            groups.append(replace(g, parameters=known))
+        return replace(self, groups=tuple(groups))
+
     def covariance(self, in_units: Array) -> Array:
         """(Q, Q) in the numbers' own units."""
         result: Array = in_units * np.outer(self.unit, self.unit)
@@ -137,14 +144,14 @@ NO_NUMBERS = Numbers((), np.zeros(0), {})
 def numbers_of(task: Task) -> Numbers:
     """What the rig asks to refine, where it starts."""
     asked = [
-        (sensor, name, task.kinds[sensor].refinable[name].parameters(config))
+        (sensor, name, task.kinds[sensor].refinable[name].parameters(config), False)
         for sensor, config in task.rig.sensors.items()
         for name in config.refine
     ]
-    asked += [(t, "scale", SCALE) for t, config in task.rig.targets.items() if config.refine]
+    asked += [(t, "scale", SCALE, True) for t, config in task.rig.targets.items() if config.refine]
     groups, count = list[Group](), 0
-    for owner, name, parameters in asked:
-        groups.append(Group(owner, name, parameters, count))
+    for owner, name, parameters, is_target in asked:
+        groups.append(Group(owner, name, parameters, count, is_target))
         count += len(parameters.names)
     at = {g.owner: g.start for g in groups if g.is_target}
     scaled = {

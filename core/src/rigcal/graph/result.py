@@ -20,7 +20,6 @@ from rigcal.diagnosis.verdict import Verdict
 from rigcal.exposures import association_of
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.global_estimate import Estimate
 from rigcal.graph.information import information
 from rigcal.graph.method import Method
@@ -54,7 +53,7 @@ def make_result(
             covariance,
             len(detected),
             len(own),
-            _statistics(task, solution, name, own, selections),
+            residual_statistics(task, solution, name, selections),
             solution.scales.get(name),
             refined["sensors"].get(name, {}),
             {} if name in stages.fixed else {how: sigma[name] for how, sigma in sigmas.items()},
@@ -141,14 +140,13 @@ def _why_not(o: Observation, estimate: Estimate) -> str:
     return estimate.solution.dropped.get((o.sensor, o.exposure), "")
 
 
-def _statistics(
+def residual_statistics(
     task: Task,
     solution: Solution,
     name: str,
-    own: Sequence[SensorTargetEdge],
     selections: Mapping[str, Selection],
 ) -> ResidualStatistics | None:
-    """Rms of the raw measurements' errors over the inliers, masked ones left out.
+    """Rms of the raw measurements' errors over a sensor's edges, masked ones left out.
 
     Of the geometry's errors if the type offers no others, or if a candidate was made by hand.
     """
@@ -156,7 +154,8 @@ def _statistics(
     config = solution.numbers.applied(name, task)
     seen = [
         (e, task.exposures[e.exposure][name].candidates[selections[e.exposure].chosen[name]])
-        for e in own
+        for e in solution.edges
+        if e.sensor == name
     ]
     raw = kind.errors is not None and not any(candidate.by_hand for _, candidate in seen)
     values = []

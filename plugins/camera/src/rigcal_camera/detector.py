@@ -38,17 +38,7 @@ def detect(image: Image, config: CameraConfig, target: Target) -> Detection:
     likelihood against the best one. `measurement`: `uv` (M, 2) pixels, `index` (M,) into
     `target.points`, `sigma_px` the corner noise estimated from the residual.
     """
-    return explained_in(image, _find(image, target, lens_of(config)), config, target)
-
-
-def explained_in(image: Image, corners: Corners, config: CameraConfig, target: Target) -> Detection:
-    """The poses that explain corners found in an image, aligned there with the print."""
-    lens = lens_of(config)
-    # Ink or light that spreads moves edges, but not the saddle points that corner squares make.
-    saddles = getattr(target.config, "corner_squares", False)
-    if target.find is None and not saddles and len(corners) >= config.min_corners:
-        corners = _aligned(image, corners, target, lens)
-    return _explained(corners, config, target)
+    return explain(find_corners(image, target, lens_of(config)), config, target, image)
 
 
 def fit(measured: Mapping[str, Any], config: CameraConfig, target: Target) -> Detection:
@@ -59,22 +49,24 @@ def fit(measured: Mapping[str, Any], config: CameraConfig, target: Target) -> De
             "points and `uv` (M, 2) pixels"
         )
     corners = checked_fiducials(target, (measured["index"], measured["uv"]), "it")
-    return _explained(Corners(*corners), config, target)
+    return explain(Corners(*corners), config, target)
 
 
-def _explained(corners: Corners, config: CameraConfig, target: Target) -> Detection:
-    """The poses that explain labelled corners."""
+def explain(
+    corners: Corners, config: CameraConfig, target: Target, image: Image | None = None
+) -> Detection:
+    """The poses that explain labelled corners, which are aligned with the print in their image."""
     lens = lens_of(config)
     if len(corners) < config.min_corners:
         reason = f"found {len(corners)} corners, min_corners is {config.min_corners}"
         return Detection((), reason=corners.reason or reason)
-    identity = np.arange(len(target.points))
-    labellings = [labels[corners.index] for labels in (identity, *target.symmetries)]
-    fits = [
-        (index, fit)
-        for index in labellings
-        for fit in fit_poses(lens, target.points[index], corners.uv)
-    ]
+    first = fit_poses(lens, target.points[corners.index], corners.uv)
+    if image is not None and target.find is None and first:
+        corners, first = _aligned(image, corners, first, target, lens)
+    fits = [(corners.index, fit) for fit in first]
+    for labels in target.symmetries:
+        index = labels[corners.index]
+        fits += [(index, fit) for fit in fit_poses(lens, target.points[index], corners.uv)]
     if not fits:
         return Detection(
             (), reason=f"{len(corners)} corners found, but no pose of '{target.name}' explains them"
@@ -97,7 +89,8 @@ def _explained(corners: Corners, config: CameraConfig, target: Target) -> Detect
     return Detection(tuple(candidates))
 
 
-def _find(image: Image, target: Target, lens: Lens) -> Corners:
+def find_corners(image: Image, target: Target, lens: Lens) -> Corners:
+    """The target's labelled corners in an image, as their kind of target is found."""
     if target.find is not None:
         return Corners(*checked_fiducials(target, target.find(image)))
     kind = target.config.type
@@ -115,20 +108,21 @@ def _find(image: Image, target: Target, lens: Lens) -> Corners:
     return finder(image, target, lens)
 
 
-def _aligned(image: Image, corners: Corners, target: Target, lens: Lens) -> Corners:
-    """The corners where the print as the best pose shows it fits the image.
+def _aligned(
+    image: Image, corners: Corners, fits: list[PoseFit], target: Target, lens: Lens
+) -> tuple[Corners, list[PoseFit]]:
+    """The corners where the print as the best of their poses shows it fits the image, and the poses
+    that explain them there.
 
-    As they were where that does not make the pose explain them better: motion blur and strong
-    compression are not what the print is drawn with.
+    As they were where that does not make a pose explain the same corners better: motion blur and
+    strong compression are not what the print is drawn with.
     """
-    p_t = target.points[corners.index]
-    before = fit_poses(lens, p_t, corners.uv)
-    if not before:
-        return corners
-    uv = align_corners(image, corners.uv, p_t, target, lens, before[0].T_s_t)
+    p_t, best = target.points[corners.index], fits[0]
+    uv = align_corners(image, corners.uv, p_t, target, lens, best.T_s_t)
     after = fit_poses(lens, p_t, uv)
-    better = after and after[0].sigma_px < before[0].sigma_px
-    return Corners(corners.index, uv) if better else corners
+    if not after or np.sum(after[0].errors[best.inliers] ** 2) >= best.sum_of_squares:
+        return corners, fits
+    return Corners(corners.index, uv), after
 
 
 def observe(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rigcal.geometry import se3
@@ -9,8 +11,7 @@ from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, Detection, PoseGeometry
 from rigcal.targets.target import Target
 from rigcal_camera.config import CameraConfig
-from rigcal_camera.corners import Corners
-from rigcal_camera.detector import detect, explained_in
+from rigcal_camera.detector import explain, find_corners
 from rigcal_camera.frames import Image
 from rigcal_camera.lens import lens_of
 
@@ -38,18 +39,15 @@ def near(image: Image, config: CameraConfig, target: Target, T_s_t: Array) -> De
     part = np.ascontiguousarray(image[top:bottom, left:right])
     enlarged = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
     clear = np.asarray(cv2.createCLAHE(_CONTRAST, (8, 8)).apply(enlarged), np.uint8)
-    found = detect(clear, _part_of(config, (left, top), scale, clear.shape), target)
-    candidates = [_in_whole(c, (left, top), scale) for c in found.candidates]
-    close = tuple(c for c in candidates if _is_near(c, target, T_s_t))
+    part_lens = lens_of(_part_of(config, (left, top), scale, clear.shape))
+    corners = find_corners(clear, target, part_lens)
+    uv = (corners.uv + 0.5) / scale - 0.5 + np.array((left, top))
+    # Contrast that differs from place to place moves corners: the image itself has the last word.
+    found = explain(replace(corners, uv=uv), config, target, image)
+    close = tuple(c for c in found.candidates if _is_near(c, target, T_s_t))
     if found.candidates and not close:
         return Detection((), "what looks like the target is not where it must be")
-    if not close:
-        return Detection((), found.reason)
-    # Contrast that differs from place to place moves corners: the image itself has the last word.
-    seen = close[0].measurement
-    corners = Corners(np.asarray(seen["index"], np.int64), np.asarray(seen["uv"], np.float64))
-    settled = explained_in(image, corners, config, target).candidates
-    return Detection(tuple(c for c in settled if _is_near(c, target, T_s_t)) or close)
+    return Detection(close, found.reason)
 
 
 def _predicted_box(
@@ -84,15 +82,7 @@ def _part_of(
     )
     focal = tuple(scale * f for f in config.focal_px)
     size = {"width_px": shape[1], "height_px": shape[0]}
-    update = {**size, "focal_px": focal, "principal_px": principal}
-    return config.model_copy(update={**update, "sigma_px": scale * config.sigma_px})
-
-
-def _in_whole(candidate: Candidate, corner: tuple[int, int], scale: int) -> Candidate:
-    uv = (np.asarray(candidate.measurement["uv"]) + 0.5) / scale - 0.5 + np.array(corner)
-    sigma = np.asarray(candidate.measurement["sigma_px"]) / scale
-    measurement = {**candidate.measurement, "uv": uv, "sigma_px": sigma}
-    return Candidate(candidate.geometry, measurement, candidate.score)
+    return config.model_copy(update={**size, "focal_px": focal, "principal_px": principal})
 
 
 def _is_near(candidate: Candidate, target: Target, T_s_t: Array) -> bool:

@@ -36,6 +36,7 @@ def board():
             "apriltag_grid", **april, width_m=0.85, height_m=0.65, id_order="top_left", first_id=20
         ),
         "kalibr": build("apriltag_grid", **kalibr, border_cells=2, corner_squares=True),
+        "kalibr_thin": build("apriltag_grid", **kalibr, corner_squares=True),
         "chess": build("checkerboard", columns=8, rows=5, **chess),
         "chess_symmetric": build("checkerboard", columns=7, rows=5, **chess),
         "charuco": build("charuco", **charuco),

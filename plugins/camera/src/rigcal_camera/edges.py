@@ -16,7 +16,9 @@ _ENDS = 0.06
 _WINDOW = 0.4
 _REACH = 0.6
 _MAX_REACH_PX = 3.0
-_MAX_MOVE_PX = 1.5
+_MAX_MOVE_PX, _MAX_MOVE = 1.5, 0.04
+"""How far a corner moves at most: the larger of the two, the second a share of the shortest side (a
+lens bends the sides of large tags)."""
 _ROUNDS = 3
 
 
@@ -27,7 +29,8 @@ def refine_by_edges(image: Image, uv: Array, lens: Lens, cell: float) -> Array:
     points are undistorted, so that a straight edge is a line whatever the lens does, and the lines
     of neighbouring sides intersect in the corner. The window stays within one cell, a share
     `cell` of the side: inside the black border, and in the white around it. A corner that would
-    move by more than 1.5 px, or whose rays are too oblique to be undistorted, stays.
+    move by more than 1.5 px and 4 % of a side, or whose rays are too oblique to be undistorted,
+    stays.
     """
     points, weight = _edge_points(image, uv, cell)
     rays = lens.rays_from_pixels(points.reshape(-1, 2))
@@ -39,7 +42,9 @@ def refine_by_edges(image: Image, uv: Array, lens: Lens, cell: float) -> Array:
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(p_s).all(axis=-1))
     refined = lens.pixels_from_points(np.where(finite[..., None], p_s, 1.0).reshape(-1, 3))[0]
     refined = refined.reshape(uv.shape)
-    near = finite & (np.linalg.norm(refined - uv, axis=-1) < _MAX_MOVE_PX)
+    side = np.linalg.norm(np.roll(uv, -1, axis=1) - uv, axis=2).min(axis=1, keepdims=True)
+    most = np.maximum(_MAX_MOVE_PX, _MAX_MOVE * side)
+    near = finite & (np.linalg.norm(refined - uv, axis=-1) < most)
     result: Array = np.where(near[..., None], refined, uv)
     return result
 

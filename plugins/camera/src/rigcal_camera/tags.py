@@ -25,8 +25,6 @@ _COARSE_PX = 40.0
 _COMPLETION_ROUNDS = 8
 _SETTLED_PX = 0.05
 
-_WINDOW = 1.0
-
 Tags = tuple[NDArray[np.int64], Array]
 """Ids (n,) and corners (n, 4, 2), anticlockwise as seen, from an unknown first corner."""
 
@@ -199,7 +197,7 @@ def _saddles(image: Image, fit: PoseFit, target: Target, lens: Lens) -> Corners:
     # Pixels per metre in the direction in which the view foreshortens most.
     diagonals = np.stack([uv[:, 1] - uv[:, 2], uv[:, 3] - uv[:, 4]], axis=-1)
     scale = np.linalg.svd(diagonals, compute_uv=False)[:, -1] / (2 * np.sqrt(2) * step)
-    window = _WINDOW * scale * min(config.gap_m, 1.5 * cell)
+    window = scale * min(config.gap_m, 0.75 * config.border_cells * cell)
     refined = refine_saddles(image, predicted, window)
     moved = np.linalg.norm(refined - predicted, axis=1)
     grey = sample(image, uv[:, 1:] + (refined - predicted)[:, None])

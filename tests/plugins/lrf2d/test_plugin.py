@@ -30,8 +30,8 @@ def test_importing_it_imports_nothing_heavy() -> None:
 @pytest.mark.parametrize(
     ("keys", "complaint"),
     [
-        ({"angle_min_deg": 10, "angle_max_deg": -10}, "up to 360 degrees upwards"),
-        ({"angle_min_deg": -200, "angle_max_deg": 200}, "up to 360 degrees upwards"),
+        ({"angle_min_deg": 10, "angle_max_deg": -10}, "above angle_min_deg, by at most 360"),
+        ({"angle_min_deg": -200, "angle_max_deg": 200}, "above angle_min_deg, by at most 360"),
         (
             {"angle_min_deg": -10, "angle_max_deg": 10, "angle_step_deg": 30},
             "angle_step_deg 30 leaves one beam in a scan of 20 degrees; make it smaller",

@@ -29,7 +29,7 @@ class Lrf2dConfig(RangeConfig, frozen=True):
         if not 0 < high - low <= 360:
             raise ValueError(
                 f"the scan goes from angle_min_deg {low:g} to angle_max_deg {high:g}, "
-                "expected up to 360 degrees upwards"
+                "expected angle_max_deg above angle_min_deg, by at most 360"
             )
         if step is not None and step > high - low:
             raise ValueError(

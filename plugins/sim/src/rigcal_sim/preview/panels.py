@@ -165,4 +165,5 @@ def _in_numbers(sensor: Sensor, on_board: Array) -> str:
     off = se3.apply(se3.inverse(sensor.T_s_t), on_board)[:, 2]
     side = "the board" if sensor.shows_face else "the board's back"
     rms_mm = 1e3 * float(np.sqrt(np.mean(off**2)))
-    return f"{len(off)} returns from {side}, {rms_mm:.1f} mm rms off it"
+    returns = "1 return" if len(off) == 1 else f"{len(off)} returns"
+    return f"{returns} from {side}, {rms_mm:.1f} mm rms off it"

@@ -18,9 +18,10 @@ COLOURS = (
 def metric_axes(axes: Axes, across: str, up: str) -> None:
     """Equal scales in metres, a quiet grid behind."""
     axes.set_aspect("equal")
-    axes.set_xlabel(across, fontsize=8, color=INK, labelpad=1)
-    axes.set_ylabel(up, fontsize=8, color=INK, labelpad=1)
+    axes.set_xlabel(across, fontsize=8, color=INK, labelpad=2)
+    axes.set_ylabel(up, fontsize=8, color=INK, labelpad=2)
     axes.tick_params(labelsize=7, colors=INK, length=2)
+    axes.locator_params(nbins=7)
     axes.grid(color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):

@@ -57,7 +57,7 @@ def test_the_prediction_is_what_recordings_then_report(bench):
     predicted = plan(rig, bench.registry, exposures=(24,)).predicted[24]
     found = [
         calibrate(rig, bench.registry, bench.observe(rig, shown, seed))
-        for seed in range(3)
+        for seed in range(2)
         for shown in [random_poses(bench, rig, np.random.default_rng(seed), 24)]
     ]
     for name in ALL[1:]:
@@ -106,6 +106,26 @@ def test_proposals_join_a_sensor_that_has_seen_nothing(bench, make_boards):
     assert result.after["right"].size < 1
 
 
+def test_a_laser_that_has_seen_nothing_is_joined_by_what_is_proposed(bench, make_boards):
+    """It takes five exposures with one partner: the calibration then accepts their pair."""
+    rig = bench.rig("gauge", "left", "slit")
+    shown = make_boards(np.random.default_rng(12), 12)
+    blind = [o for o in bench.observe(rig, shown) if o.sensor != "slit"]
+    result = plan(rig, bench.registry, blind)
+    common = set.intersection(*({*p.seen_by} for p in result.proposals))
+    assert "slit" in common
+    assert common & {"gauge", "left"}
+    boards = [*shown, *(p.T_root_t for p in result.proposals)]
+    seen = [
+        o for o in bench.observe(rig, boards) if o.sensor != "slit" or int(o.exposure) >= len(shown)
+    ]
+    error = se3.log(
+        se3.inverse(calibrate(rig, bench.registry, seen, method=Method(accept_weak=True)).T(
+            "gauge", "slit")) @ T_root_sensors(rig)["slit"]
+    )  # fmt: skip
+    assert np.linalg.norm(error[3:]) < 0.05
+
+
 def test_groups_that_nothing_links_are_linked(bench, make_boards):
     """Two cameras that look ahead, and one that looks back with a laser that does too."""
     changes = {"mute": {"type": "gauge", "pose": {"parent": "gauge", "rpy_deg": [0, 0, 100]}}}
@@ -128,6 +148,8 @@ def test_parallel_boards_are_followed_by_tilted_ones(bench, make_boards):
     shown = [T_ahead @ T for T in make_boards(np.random.default_rng(4), 12, tilt_deg=0.0)]
     result = plan(rig, bench.registry, bench.observe(rig, shown))
     assert np.isinf(result.recorded["gauge"].translation_m)
+    # Of the many poses that explain parallel boards, the one in the rig file is taken.
+    np.testing.assert_allclose(result.T_root_s["gauge"], T_root_sensors(rig)["gauge"], atol=1e-9)
     normals = np.array([p.T_root_t[:3, 2] for p in result.proposals])
     tilts_deg = np.degrees(np.arccos(normals @ shown[0][:3, 2]))
     assert np.sort(tilts_deg)[1:].min() > 20
@@ -213,10 +235,9 @@ def test_poses_of_a_calibration_will_do(bench, make_boards):
 
 def test_the_same_seed_gives_the_same_plan(bench, make_boards):
     rig = bench.rig(*ALL)
-    seen = bench.observe(rig, make_boards(np.random.default_rng(9), 10))
-    first, second, other = (plan(rig, bench.registry, seen, seed=s) for s in (1, 1, 2))
-    words = [[p.words for p in result.proposals] for result in (first, second, other)]
-    assert words[0] == words[1] != words[2]
+    seen = bench.observe(rig, make_boards(np.random.default_rng(9), 6))
+    first, second = (plan(rig, bench.registry, seen, seed=1) for _ in range(2))
+    assert [p.words for p in first.proposals] == [p.words for p in second.proposals]
     assert first.after == second.after
 
 

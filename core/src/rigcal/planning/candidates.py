@@ -14,7 +14,8 @@ from rigcal.planning.site import Site
 from rigcal.visibility import spots_in_view
 
 _DIRECTIONS = 2000
-_DRAWS = 20
+# Draws for each pose that is wanted, and after how many in vain there is no hope.
+_DRAWS, _HOPELESS = 20, 300
 # Of the board's diagonal, or of the rig's extent where that is larger.
 _NEAR, _FAR, _FAR_OF_RIG = 1.0, 3.0, 1.5
 _SHIFT = 0.4
@@ -73,14 +74,14 @@ def _in_view_of(site: Site, name: str, count: int, rng: np.random.Generator) -> 
     directions = _directions(site, name, distances)
     reached: list[BoardPose] = []
     beyond: list[BoardPose] = []
-    for _ in range(_DRAWS * count if len(directions) else 0):
+    for drawn in range(_DRAWS * count if len(directions) else 0):
         T_root_t = _draw(site, name, directions, distances, rng)
         into = reached if site.in_reach(target, T_root_t) else beyond
         if len(into) < count and site.is_clear(target, T_root_t):
             seen_by = _seen_by(site, target.name, T_root_t)
             if len(seen_by) >= 2 and name in seen_by:
                 into.append(BoardPose(target.name, T_root_t, seen_by))
-        if len(reached) == count:
+        if len(reached) == count or (drawn == _HOPELESS and not reached and not beyond):
             break
     return reached or beyond
 

@@ -7,7 +7,7 @@ augmentation of an experiment's design: V. V. Fedorov, Theory of Optimal Experim
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,8 @@ _UNKNOWN = 100.0
 # The worst is the norm of this order over the variances: near the maximum, but with a slope where
 # several sensors are equally open and no single exposure joins them all.
 _ORDER = 4
+# An exposure fixes a pose if its least known direction is known to this share of the best.
+_FIRM = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +70,20 @@ class Judge:
         return result
 
 
-def best(judge: Judge, known: Array, offered: Array, taken: Collection[int] = ()) -> int:
-    """Which of the exposures offered (K, n, n) is best beside what is `known` (n, n).
+def best(judge: Judge, known: Array, offered: Array) -> int:
+    """Which of the exposures offered (K, n, n) is best beside what is `known` (n, n)."""
+    return int(np.argmin(judge.badness(known + offered)))
 
-    Those `taken` already are not chosen again.
-    """
-    badness = judge.badness(known + offered)
-    badness[list(taken)] = np.inf
-    return int(np.argmin(badness))
+
+def firm(judge: Judge, exposure: Array) -> set[str]:
+    """The sensors whose pose the information (n, n) of one exposure fixes to the others in it."""
+    found = set()
+    for i, name in enumerate(judge.sensors):
+        own = exposure[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] * np.outer(WEAK, WEAK)
+        values = np.linalg.eigvalsh(own)
+        if values[0] > _FIRM * max(values[-1], 1e-300):
+            found.add(name)
+    return found
 
 
 def typical(judge: Judge, draws: Sequence[Array]) -> dict[str, Sigma]:

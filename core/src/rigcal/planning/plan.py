@@ -12,9 +12,10 @@ from rigcal.errors import ConfigError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.stages import given_poses
 from rigcal.observation import Observation
-from rigcal.planning.candidates import draw_candidates, vary
-from rigcal.planning.choice import Judge, best, typical
+from rigcal.planning.candidates import BoardPose, draw_candidates, vary
+from rigcal.planning.choice import Judge, best, firm, typical
 from rigcal.planning.gain import Pool, can_be_planned, weigh
+from rigcal.planning.joining import Joining
 from rigcal.planning.recorded import Recorded, nothing_recorded, recorded
 from rigcal.planning.result import Plan, Proposal
 from rigcal.planning.site import Site
@@ -48,7 +49,7 @@ def plan(
     Without observations: the standard deviations to expect of recordings of so many `exposures`,
     with board poses spread over the views of all sensors. With them: what they tell so far, and the
     five board poses that shrink the worst standard deviation most, chosen greedily so that they are
-    good together.
+    good together; where nothing links all sensors, first those that join them.
 
     Poses of the sensors are those of `calibration`, or `pose` in the rig file; observations are
     calibrated first, and go before them. Of sensor types that simulate, residuals at simulated
@@ -83,7 +84,7 @@ def plan(
         recorded=None if observations is None else judge.sigmas(so_far.information),
         proposals=() if observations is None else _proposals(site, pool, judge, so_far, rng),
         boards=examples,
-        unjoined=so_far.unjoined,
+        unjoined=tuple(s for s in rig.sensors if any(s in group for group in so_far.loose)),
         unplanned=_unplanned(site, planned),
         up=site.up,
     )
@@ -140,17 +141,16 @@ def _of_recording(pool: Pool, order: NDArray[np.int64], exposures: int) -> Array
 def _proposals(
     site: Site, pool: Pool, judge: Judge, so_far: Recorded, rng: np.random.Generator
 ) -> tuple[Proposal, ...]:
-    known, taken, proposals = so_far.information, list[int](), list[Proposal]()
+    loose = {s for group in so_far.loose for s in group}
+    joining = Joining(so_far.T_root_s.keys() - loose, so_far.loose)
+    known, taken, proposals = so_far.information, set[int](), list[Proposal]()
     for _ in range(min(_PROPOSALS, len(pool.poses))):
-        taken.append(best(judge, known, pool.information, taken))
-        pose, gain = pool.poses[taken[-1]], pool.information[taken[-1]]
-        for _ in range(_ROUNDS):
-            like = vary(site, pose, _VARIATIONS, rng)
-            near = weigh(site, like, so_far.numbers, so_far.scales, rng)
-            poses = (pose, *near.poses)
-            gains = np.concatenate([gain[None], near.information])
-            i = best(judge, known, gains)
-            pose, gain = poses[i], gains[i]
+        left = [i for i in range(len(pool.poses)) if i not in taken]
+        left = [i for i in left if joining.is_wanted(pool.poses[i])] or left
+        i = left[best(judge, known, pool.information[left])]
+        taken.add(i)
+        pose, gain = _varied(site, pool.poses[i], pool.information[i], known, judge, so_far, rng)
+        joining.add(pose, firm(judge, gain))
         known = known + gain
         proposals.append(
             Proposal(
@@ -158,6 +158,27 @@ def _proposals(
             )
         )
     return tuple(proposals)
+
+
+def _varied(
+    site: Site,
+    pose: BoardPose,
+    gain: Array,
+    known: Array,
+    judge: Judge,
+    so_far: Recorded,
+    rng: np.random.Generator,
+) -> tuple[BoardPose, Array]:
+    """The best of a pose and such as are like it, seen by the same sensors at least; its gain."""
+    for _ in range(_ROUNDS):
+        like = vary(site, pose, _VARIATIONS, rng)
+        near = weigh(site, like, so_far.numbers, so_far.scales, rng)
+        same = [i for i, other in enumerate(near.poses) if {*other.seen_by} >= {*pose.seen_by}]
+        poses = (pose, *(near.poses[i] for i in same))
+        gains = np.concatenate([gain[None], near.information[same]])
+        i = best(judge, known, gains)
+        pose, gain = poses[i], gains[i]
+    return pose, gain
 
 
 def _unplanned(site: Site, planned: frozenset[str]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigcal.calibration import Calibration
+from rigcal.diagnosis.observability import judge
 from rigcal.errors import ConfigError, NotConnectedError
 from rigcal.estimation import prepare
 from rigcal.geometry import se3
@@ -17,6 +18,7 @@ from rigcal.graph.known import known_information
 from rigcal.graph.method import Method
 from rigcal.graph.numbers import Numbers, numbers_of
 from rigcal.graph.solve import Solution
+from rigcal.graph.stack import EdgeStack, poses_of
 from rigcal.graph.task import Task
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
@@ -32,8 +34,9 @@ class Recorded:
     """`T_root_s` of all sensors; `information` (6 S + Q, 6 S + Q) of their poses and `numbers`.
 
     No sensor is held. The Q numbers are what the rig asks to refine, in units. `boards` are targets
-    and `T_root_t` (4, 4), `scales` the sensors' noise over the configured one. `unjoined` sensors
-    are where the rig file or a calibration has them.
+    and `T_root_t` (4, 4), `scales` the sensors' noise over the configured one. `loose` are groups
+    of sensors that nothing joins to the root; they are where the rig file or a calibration has
+    them.
     """
 
     T_root_s: Mapping[str, Array]
@@ -41,7 +44,7 @@ class Recorded:
     information: Array
     boards: tuple[tuple[str, Array], ...]
     scales: Mapping[str, float]
-    unjoined: tuple[str, ...]
+    loose: tuple[tuple[str, ...], ...]
 
 
 def nothing_recorded(rig: Rig, registry: Registry, calibration: Calibration | None) -> Recorded:
@@ -65,16 +68,20 @@ def recorded(
 ) -> Recorded:
     """Calibrated from the observations, group by group where nothing links all sensors.
 
-    Poses that the observations leave open are one of many that explain them. Groups hang from each
-    other by the poses in the rig file or in `calibration`; ConfigError names the sensors that
-    neither those nor the observations place.
+    Poses that the observations leave open are those in `calibration` or in the rig file, and one of
+    many that explain the observations where neither has them. Groups hang from each other by those
+    poses too; ConfigError names the sensors that nothing places.
     """
-    groups = _groups(rig, registry, observations, seed, progress)
+    given = _links(rig, calibration)
+    groups = [
+        (own, _settled(own, registry, found, given))
+        for own, found in _groups(rig, registry, observations, seed, progress)
+    ]
     within = [
         (own.root, s, T) for own, found in groups for s, T in found.sensors.items() if s != own.root
     ]
     joined = _reached({rig.root: np.eye(4)}, within)
-    T_root_s = _placed(rig, joined, within, _links(rig, calibration))
+    T_root_s = _placed(rig, joined, within, given)
     at = {s: i for i, s in enumerate(rig.sensors)}
     numbers = _numbers(rig, registry)
     values = numbers.values.copy()
@@ -94,9 +101,11 @@ def recorded(
             for k, T in found.targets.items()
             if k in seen_by
         ]
-    unjoined = tuple(s for s in rig.sensors if s not in joined)
+    linked = [tuple(found.sensors) for own, found in groups if own.root not in joined]
+    alone = set(rig.sensors).difference(joined, *linked)
+    loose = (*linked, *((s,) for s in rig.sensors if s in alone))
     numbers = replace(numbers, values=values)
-    return Recorded(T_root_s, numbers, information, tuple(boards), scales, unjoined)
+    return Recorded(T_root_s, numbers, information, tuple(boards), scales, loose)
 
 
 def _groups(
@@ -134,6 +143,34 @@ def _solved(
     own = [o for o in observations if o.sensor in rig.sensors]
     stages = prepare(rig, registry, own, seed, progress)
     return rig, global_estimate.solve(stages, Method(accept_weak=True), progress).solution
+
+
+def _settled(rig: Rig, registry: Registry, found: Solution, given: Sequence[Link]) -> Solution:
+    """The solution with given poses of the sensors whose own the data leave open."""
+    flat = frozenset(s for s, c in rig.sensors.items() if registry.sensor_type(c.type).flat)
+    held = frozenset({rig.root})
+    verdict = judge(found.edges, found.sensors, found.targets, held, rig.root, flat, found.numbers)
+    known = {s: T for s, T in found.sensors.items() if s not in verdict.withheld}
+    if not verdict.withheld:
+        return found
+    T_s = {**found.sensors, **_reached(known, given)}
+    boards = _moved(found, T_s)
+    T_new_root = se3.inverse(T_s[rig.root])
+    return replace(
+        found,
+        sensors={s: T_new_root @ T_s[s] for s in found.sensors},
+        targets={k: T_new_root @ T for k, T in boards.items()},
+    )
+
+
+def _moved(found: Solution, T_s: Mapping[str, Array]) -> dict[str, Array]:
+    """The boards where the sensors are at `T_s`: each goes with the sensor that knows it best."""
+    stack = EdgeStack(found.edges, list(found.sensors), list(found.targets), found.numbers)
+    T_s_t = stack.relative(poses_of(found.sensors), poses_of(found.targets))
+    H = stack.blocks(T_s_t, numbers=found.numbers).H[:, :6, :6]
+    order = np.argsort(np.linalg.eigvalsh(H)[:, 0], kind="stable")
+    best = {found.edges[i].exposure: (found.edges[i].sensor, T_s_t[i]) for i in order}
+    return {k: T_s[s] @ T for k, (s, T) in best.items()}
 
 
 def _part(rig: Rig, names: Sequence[str]) -> Rig:

@@ -21,13 +21,30 @@ _BELOW, _ABOVE = 0.35, 0.6
 _FARTHER, _ROOM = 1.3, 2.5
 # Between the board and the rig (m).
 _CLEARANCE = 0.3
-_AGREE = 0.3
+# Boards that are held all ways have no mean; one within 20 degrees of an axis is that axis.
+_AGREE, _LEVEL, _FEW = 0.3, np.cos(np.radians(20.0)), 5
 
 
 def body_axes(config: SensorConfig) -> Array:
     """`R_s_b` (3, 3): forward, left and up of a sensor, as columns in its frame (REP-103)."""
     result: Array = T_BODY_OPTICAL[:3, :3].T if config.optical else np.eye(3)
     return result
+
+
+def _up(root: Array, boards: Sequence[Array]) -> Array:
+    """(3,) from the root's own up and the boards' y axes in its frame, which are mostly held up.
+
+    An axis of the root that is near to their mean counts: a rig stands level more exactly than
+    boards are held, a few of them in particular.
+    """
+    mean = np.mean(boards, axis=0) if boards else root
+    size = float(np.linalg.norm(mean))
+    if size < _AGREE:
+        return root
+    axis = np.argmax(np.abs(mean))
+    nearest: Array = np.eye(3)[axis] * np.sign(mean[axis])
+    is_near = nearest @ mean / size > _LEVEL
+    return nearest if is_near or len(boards) < _FEW else mean / size
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +73,7 @@ class Site:
         """
         targets = build_targets(rig, registry)
         kinds = {name: registry.sensor_type(c.type) for name, c in rig.sensors.items()}
-        up = body_axes(rig.sensors[rig.root])[:, 2]
-        mean = np.mean([T[:3, 1] for _, T in boards], axis=0) if boards else up
-        if np.linalg.norm(mean) > _AGREE:
-            up = mean / np.linalg.norm(mean)
+        up = _up(body_axes(rig.sensors[rig.root])[:, 2], [T[:3, 1] for _, T in boards])
         corners = [se3.apply(T, targets[name].outline_points) for name, T in boards]
         return Site(rig, kinds, targets, T_root_s, up, np.array(corners).reshape(-1, 3))
 

@@ -43,7 +43,12 @@ if TYPE_CHECKING:
     from rigcal.progress import Progress
     from rigcal.proposal import propose_rig
     from rigcal.recording.message import Message
-    from rigcal.report import write_plan_picture, write_report
+    from rigcal.report import (
+        show_timeline,
+        write_plan_picture,
+        write_report,
+        write_timeline,
+    )
     from rigcal.resampling import Bootstrap, CrossValidation, bootstrap, cross_validate
     from rigcal.rig import Rig, build_targets, load_rig, parse_rig, rig_schema
     from rigcal.second_look import look_again
@@ -94,11 +99,13 @@ _HOME = {
     "rig_schema": "rig",
     "save_calibration": "calibration_file",
     "save_observations": "observation_file",
+    "show_timeline": "report",
     "write_export": "exporting",
     "write_fused": "fusing",
     "write_plan_picture": "report",
     "write_report": "report",
     "write_target_page": "printing",
+    "write_timeline": "report",
 }
 
 __all__ = [
@@ -146,11 +153,13 @@ __all__ = [
     "rig_schema",
     "save_calibration",
     "save_observations",
+    "show_timeline",
     "write_export",
     "write_fused",
     "write_plan_picture",
     "write_report",
     "write_target_page",
+    "write_timeline",
 ]
 __version__ = "0.1.0"
 

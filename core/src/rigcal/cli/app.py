@@ -24,6 +24,7 @@ from rigcal.cli.plugins import plugins
 from rigcal.cli.schema import schema
 from rigcal.cli.target import target
 from rigcal.cli.validate import validate
+from rigcal.cli.view import view
 from rigcal.errors import RigcalError
 from rigcal.plugin.registry import Registry
 
@@ -37,6 +38,7 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
     "validate": validate,
     "export": export,
     "fuse": fuse,
+    "view": view,
     "target": target,
     "plugins": plugins,
     "new-plugin": new_plugin,

@@ -30,7 +30,7 @@ def compare(
     from rigcal.comparison import compare as compare_all
     from rigcal.errors import InputError
 
-    comparison = compare_all(_load(before), _load(after))
+    comparison = compare_all(load_poses(before), load_poses(after))
     if json:
         print_json(_as_mapping(comparison))
     elif not quiet:
@@ -45,7 +45,7 @@ def compare(
         raise typer.Exit(1)
 
 
-def _load(path: Path) -> Calibration:
+def load_poses(path: Path) -> Calibration:
     """A calibration, or the poses of a rig."""
     from rigcal.calibration_file import load_calibration
     from rigcal.calibration_text import FORMAT

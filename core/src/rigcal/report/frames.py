@@ -1,4 +1,4 @@
-"""The frames of a recording that the report shows, found again."""
+"""The frames of a recording that are shown, found again."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def show_frames(
     tell, total = progress or (lambda *_: None), sum(map(len, by_sensor.values()))
     done = 0
     for sensor, own in by_sensor.items():
-        tell("reading pictures for the report", done, total)
+        tell("reading frames", done, total)
         config = config_of(calibration, rig, registry, sensor)
         _show_stream(recording, config, registry, own, show)
         done += len(own)
-    tell("reading pictures for the report", total, total)
+    tell("reading frames", total, total)
 
 
 def _show_stream(

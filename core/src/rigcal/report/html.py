@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -13,16 +13,15 @@ import numpy as np
 from rigcal.calibration import Calibration
 from rigcal.exposures import name_in_result
 from rigcal.files import write_text
-from rigcal.geometry import se3
-from rigcal.geometry.se3 import Array
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
 from rigcal.report import tables
+from rigcal.report.boards import boards_in_root, sorted_exposures
 from rigcal.report.pictures import Pictures, pictures
 from rigcal.report.scene3d import scene3d
 from rigcal.report.sensor_errors import config_of, errors_by_sensor
-from rigcal.rig import Rig, build_targets
+from rigcal.rig import Rig
 
 
 def write_report(
@@ -107,7 +106,7 @@ def _figures(
     from rigcal.report import figures
 
     poses = {name: calibration.T(calibration.root, name) for name in calibration.sensors}
-    boards = _boards(calibration, observations, rig, registry)
+    boards = boards_in_root(calibration, observations, rig, registry)
     # What is not escaped: matplotlib escapes what it draws, JSON what it holds, scripts are ours.
     return {
         "rig_figure": Markup(figures.rig_figure(poses)),
@@ -129,7 +128,7 @@ def _error_figures(
     from rigcal.report.error_figures import error_figure
 
     tell = progress or (lambda *_: None)
-    number = {name: i for i, name in enumerate(sorted_exposures(calibration))}
+    number = {name: i for i, name in enumerate(sorted_exposures(calibration.target_poses))}
     every, result = errors_by_sensor(calibration, observations, rig, registry), {}
     for done, (name, errors) in enumerate(every.items()):
         tell("drawing the report", done, len(every))
@@ -141,25 +140,5 @@ def _error_figures(
     return result
 
 
-def sorted_exposures(calibration: Calibration) -> list[str]:
-    """Names of the solution's exposures, pose2 before pose10."""
-    return sorted(calibration.target_poses, key=tables.natural_order)
-
-
 def _part(name: str) -> str:
     return (files("rigcal.report") / name).read_text(encoding="utf-8")
-
-
-def _boards(
-    calibration: Calibration, observations: Sequence[Observation], rig: Rig, registry: Registry
-) -> Mapping[str, Array]:
-    """The outline of the target (K, 3) in the root's frame, by exposure of the solution."""
-    targets = build_targets(rig, registry)
-    shown = {o.exposure: rig.target_of(o.sensor) for o in observations if o.candidates}
-    first = next(iter(targets))
-    return {
-        exposure: se3.apply(
-            calibration.target_poses[exposure], targets[shown.get(exposure, first)].outline_points
-        )
-        for exposure in sorted_exposures(calibration)
-    }

@@ -26,6 +26,7 @@ from rigcal.observation import (
 from rigcal.plugin.contract import FrameView
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
+from rigcal.report.boards import dense
 from rigcal.report.frames import show_frames
 from rigcal.report.sensor_errors import config_of, used
 from rigcal.rig import Rig, build_targets
@@ -33,8 +34,6 @@ from rigcal.rig import Rig, build_targets
 _OVERLAY_PX, _THUMB_PX = 640, 176
 _OVERLAYS, _THUMBS = 12, 150
 _FOUND, _EXPECTED = (36, 100, 180), (192, 57, 43)
-_EDGE = 24
-"""Points along each side of a board's outline: a lens bends it."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ class _Painter:
         )
         for shapes, colour in ((found, _FOUND), (expected, _EXPECTED)):
             for shape in shapes:
-                uv, inside = self._project(sensor, _dense(shape))
+                uv, inside = self._project(sensor, dense(shape))
                 line = np.round(scale * uv[inside] * 8).astype(np.int32)
                 cv2.polylines(picture, [line], bool(inside.all()), colour, 2, cv2.LINE_AA, 3)
         return picture
@@ -199,14 +198,6 @@ def _shape(geometry: Geometry, outline: Array) -> Array:
             return np.stack([geometry.start, geometry.end])
         case PointGeometry():
             return geometry.position[None]
-
-
-def _dense(outline: Array) -> Array:
-    """Points (N, 3) along a closed outline (K, 3)."""
-    steps = np.linspace(0, 1, _EDGE, endpoint=False)[None, :, None]
-    following = np.roll(outline, -1, axis=0)
-    result: Array = (outline[:, None] + steps * (following - outline)[:, None]).reshape(-1, 3)
-    return result
 
 
 def _from_above(points: Array, found: Sequence[Array], expected: Sequence[Array]) -> Image:

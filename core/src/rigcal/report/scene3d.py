@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,9 +34,8 @@ def scene3d(
     places = np.array([T[:3, 3] for T in poses.values()])
     middles = np.array([outline.mean(axis=0) for outline in boards.values()]).reshape(-1, 3)
     extent = max(float(np.ptp(places, axis=0).max()), 0.1)
-    distances = np.linalg.norm(middles - places.mean(axis=0), axis=1)
-    reach = _REACH * float(np.median(distances)) if len(distances) else extent
-    axes = {name: _semi_axes(calibration, name, T) for name, T in poses.items()}
+    reach = reach_of(places, middles, extent)
+    axes = {name: semi_axes(calibration, name, T) for name, T in poses.items()}
     sensors = [
         {
             "name": name,
@@ -49,7 +48,7 @@ def scene3d(
     content = {
         "root": calibration.root,
         "up": _rounded(calibration.up),
-        "magnification": _magnification([a for a in axes.values() if a is not None], extent),
+        "magnification": magnification([a for a in axes.values() if a is not None], extent),
         "sensors": sensors,
         "boards": [{"name": k, "outline": _rounded(v)} for k, v in boards.items()],
     }
@@ -65,10 +64,16 @@ def _views(rig: Rig, registry: Registry, name: str, T: Array, reach: float) -> l
     return [_rounded(se3.apply(T, curve), 3) for curve in curves]
 
 
-def _semi_axes(calibration: Calibration, name: str, T: Array) -> Array | None:
-    """(3, 3) columns: semi-axes in the root's frame of the place's one-sigma ellipsoid.
+def reach_of(sensors: Array, boards: Array, extent: float) -> float:
+    """How far fields of view are drawn (m): sensors (S, 3) and boards (K, 3) in one frame."""
+    distances = np.linalg.norm(boards - sensors.mean(axis=0), axis=1)
+    return _REACH * float(np.median(distances)) if len(distances) else extent
 
-    Those of a sensor's place in its parent.
+
+def semi_axes(calibration: Calibration, name: str, T: Array) -> Array | None:
+    """(3, 3) columns: semi-axes of the one-sigma ellipsoid of a sensor's place in its parent.
+
+    Turned by T (4, 4): the sensor's pose in the root gives them in the root's frame.
     """
     covariance = calibration.sensors[name].covariance
     if covariance is None:
@@ -78,7 +83,7 @@ def _semi_axes(calibration: Calibration, name: str, T: Array) -> Array | None:
     return result
 
 
-def _magnification(axes: list[Array], extent: float) -> int:
+def magnification(axes: Sequence[Array], extent: float) -> int:
     """A round number (1, 2, 5 times a power of ten) that makes ellipsoids visible."""
     largest = max((float(np.linalg.norm(a, axis=0).max()) for a in axes), default=0.0)
     if largest <= 0:

@@ -7,6 +7,8 @@ import numpy as np
 
 from rigcal import evaluate, load_calibration
 
+SILENT = ("--quiet", "--no-report")
+
 
 def test_the_truth_is_found(calibrated, simulated):
     result = load_calibration(calibrated / "calibration.yaml")
@@ -32,7 +34,7 @@ def test_a_wrong_exposure_is_never_accepted(calibrated, simulated):
 
 def test_the_bag_says_the_same_as_the_mcap(calibrated, simulated, command, rig, tmp_path):
     bag = simulated / "recording.bag"
-    assert command("calibrate", rig, bag, "--out", tmp_path, "--quiet").code == 0
+    assert command("calibrate", rig, bag, "--out", tmp_path, *SILENT).code == 0
     first, second = (load_calibration(d / "calibration.yaml") for d in (calibrated, tmp_path))
     for name, sensor in first.sensors.items():
         np.testing.assert_array_equal(sensor.T_parent_sensor, second.sensors[name].T_parent_sensor)
@@ -41,14 +43,14 @@ def test_the_bag_says_the_same_as_the_mcap(calibrated, simulated, command, rig, 
 def test_the_same_input_and_seed_give_the_same_bytes(calibrated, command, rig, tmp_path):
     for name in ("a", "b"):
         out, data = tmp_path / name, calibrated / "observations.npz"
-        assert command("calibrate", rig, data, "--out", out, "--quiet", "--seed", 3).code == 0
+        assert command("calibrate", rig, data, "--out", out, *SILENT, "--seed", 3).code == 0
     for file in ("calibration.yaml", "observations.npz"):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
 def test_observations_stand_for_the_recording(calibrated, command, rig, tmp_path):
     data = calibrated / "observations.npz"
-    assert command("calibrate", rig, data, "--out", tmp_path, "--quiet", "--no-report").code == 0
+    assert command("calibrate", rig, data, "--out", tmp_path, *SILENT).code == 0
     first, second = (d / "calibration.yaml" for d in (calibrated, tmp_path))
     assert first.read_bytes() == second.read_bytes()
 

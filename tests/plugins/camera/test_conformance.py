@@ -8,10 +8,10 @@ class TestCamera(SensorConformance):
     sensor_type = CAMERA
     config = CameraConfig(
         topic="/camera/image_raw",
-        width_px=960,
-        height_px=720,
-        focal_px=(570.0, 570.0),
-        principal_px=(479.5, 359.5),
+        width_px=720,
+        height_px=540,
+        focal_px=(427.5, 427.5),
+        principal_px=(359.5, 269.5),
         distortion=(-0.1, 0.02, 0.0005, -0.0003),
         sigma_px=0.2,
     )
@@ -24,11 +24,11 @@ class TestFisheye(SensorConformance):
     sensor_type = CAMERA
     config = CameraConfig(
         topic="/camera/image_raw",
-        width_px=960,
-        height_px=720,
+        width_px=720,
+        height_px=540,
         model="fisheye",
-        focal_px=(400.0, 400.0),
-        principal_px=(479.5, 359.5),
+        focal_px=(300.0, 300.0),
+        principal_px=(359.5, 269.5),
         distortion=(0.01, -0.002, 0.0005, 0.0),
         sigma_px=0.2,
     )

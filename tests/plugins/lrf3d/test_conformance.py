@@ -31,7 +31,7 @@ class TestMultibeam(SensorConformance):
 class TestSpinning(SensorConformance):
     sensor_type = LRF3D
     config = laser(
-        {"pattern": "spinning_lrf", "tilt_deg": 10.0, "offset_m": 0.05, "angle_step_deg": 1.5}, 0.01
+        {"pattern": "spinning_lrf", "tilt_deg": 10.0, "offset_m": 0.05, "angle_step_deg": 2.5}, 0.01
     )
     # Its beams start off the origin: errors are distances from the plane, a part of the range's.
     raw_noise_is_configured = False
@@ -45,5 +45,5 @@ class TestRosette(SensorConformance):
 class TestDepthCamera(SensorConformance):
     sensor_type = LRF3D
     config = laser(
-        {"pattern": "depth_camera", "width_px": 160, "height_px": 120, "focal_px": 100.0}, 0.01
+        {"pattern": "depth_camera", "width_px": 120, "height_px": 90, "focal_px": 75.0}, 0.01
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Callable
@@ -10,9 +11,13 @@ from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-import pytest
-from hypothesis import settings
+# One thread each, before numpy starts its own: tests share the cores, and matrices are small.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
 
 # A test asserts behaviour, not time; and the same code gets the same answer on every run.
 settings.register_profile("rigcal", deadline=None, derandomize=True)
@@ -119,3 +124,16 @@ def lay_out() -> Callable[[Path], Path]:
         return source
 
     return run
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """With pytest-xdist (`-n 2 --dist loadgroup`): what shares fixtures goes to one process.
+
+    That is a file, and where a folder has recordings that its files share, the folder.
+    """
+    if not config.pluginmanager.hasplugin("xdist"):
+        return
+    for item in items:
+        folder = item.path.parent
+        shared = (folder / "conftest.py").is_file() and folder.parent.name == "integration"
+        item.add_marker(pytest.mark.xdist_group(str(folder if shared else item.path)))

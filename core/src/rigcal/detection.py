@@ -14,8 +14,8 @@ from rigcal.association.continuous import (
     still_exposures,
 )
 from rigcal.association.gathering import still_observations
+from rigcal.association.single import single_observations
 from rigcal.errors import RecordingError
-from rigcal.exposures import exposure_names
 from rigcal.frames import DetectedFrame, Look, Stream, check_readable, look_at, streams_of
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
@@ -35,9 +35,10 @@ def detect(
     """Observations of all sensors in a recording, by exposure and sensor; also those of frames in
     which the target was not found, or that are left out, which say why.
 
-    Exposures are found as `rig.association` says. Where the target is held still, a few frames a
-    second tell when; then a few more of each exposure are looked at, and those of one sensor are
-    combined. `jobs` processes share the frames (default: one per core; 1 stays in this process).
+    Exposures are found as `rig.association` says, and what a sensor finds in the same place
+    throughout the recording is background and no candidate. Where the target is held still, a few
+    frames a second tell when; then a few more of each exposure are looked at, and those of one
+    sensor are combined. `jobs` processes share the frames (default: one per core; 1 stays in this process).
     The result does not depend on it. RecordingError when a source is missing, or when no frame of
     a sensor can be read.
     """
@@ -46,7 +47,7 @@ def detect(
     if not _may_be_still(rig, streams):
         frames = _look(streams, every, progress, jobs)
         check_readable(frames)
-        return _observations(rig, frames)
+        return single_observations(rig, streams, frames)
     chosen = {name: first_look(s.times_ns) for name, s in streams.items()}
     frames = _look(streams, chosen, progress, jobs)
     check_readable(frames)
@@ -56,7 +57,7 @@ def detect(
         return still_observations(exposures, streams, _in_order(streams, [*frames, *more]))
     rest = {name: np.setdiff1d(every[name], chosen[name]) for name in streams}
     more = _look(streams, rest, progress, jobs)
-    return _observations(rig, _in_order(streams, [*frames, *more]))
+    return single_observations(rig, streams, _in_order(streams, [*frames, *more]))
 
 
 def _may_be_still(rig: Rig, streams: Mapping[str, Stream]) -> bool:
@@ -87,23 +88,3 @@ def _in_order(
 ) -> list[DetectedFrame]:
     order = {name: i for i, name in enumerate(streams)}
     return sorted(frames, key=lambda f: (order[f.stamp.sensor], f.stamp.index))
-
-
-def _observations(rig: Rig, frames: Sequence[DetectedFrame]) -> tuple[Observation, ...]:
-    """One frame of each sensor per exposure."""
-    association = rig.association or "nearest"
-    names = exposure_names([f.stamp for f in frames], association, rig.tolerance_s)
-    result = []
-    for frame, name in zip(frames, names, strict=True):
-        candidates, reason = frame.detection.candidates, frame.detection.reason
-        if name is None:
-            candidates = ()
-            reason = "another frame of this sensor is nearer to the middle of the exposure"
-        s = frame.stamp
-        exposure = name if name is not None else f"stamp {s.stamp_ns}"
-        result.append(
-            Observation(
-                s.sensor, exposure, s.stamp_ns, frame.origin, candidates, reason, (s.index,)
-            )
-        )
-    return tuple(result)

@@ -20,7 +20,7 @@ from rigcal.association.continuous import (
     by_sensor,
     sightings_by_sensor,
 )
-from rigcal.association.rest import STILL_M, Sightings
+from rigcal.association.rest import BACKGROUND, STILL_M, Sightings
 from rigcal.frames import DetectedFrame, Stream
 from rigcal.observation import Candidate, Detection, Observation
 from rigcal.plugin.answers import check_detection
@@ -29,7 +29,6 @@ MOST_CANDIDATES = 8
 NO_EXPOSURE = "in motion"
 IN_MOTION = "the board moves, or nothing shows that it stands still"
 UNSTEADY = "none of its candidates stays in one place for half of the frames"
-BACKGROUND = "its candidates are found in the same place throughout the recording: background"
 
 
 def still_observations(

@@ -15,6 +15,7 @@ from rigcal.targets.target import Target
 
 STILL_M = 0.01
 """What hands that hold a board still may move it by."""
+BACKGROUND = "its candidates are found in the same place throughout the recording: background"
 _SLICES = 10
 _LEAST_SLICES = 6
 _SLICE_FRAMES = 12

@@ -38,8 +38,8 @@ def detect(
     Exposures are found as `rig.association` says, and what a sensor finds in the same place
     throughout the recording is background and no candidate. Where the target is held still, a few
     frames a second tell when; then a few more of each exposure are looked at, and those of one
-    sensor are combined. `jobs` processes share the frames (default: one per core; 1 stays in this process).
-    The result does not depend on it. RecordingError when a source is missing, or when no frame of
+    sensor are combined. `jobs` processes share the frames (default: one per core; 1 stays in this
+    process). The result does not depend on it. RecordingError when a source is missing, or when no frame of
     a sensor can be read.
     """
     streams = streams_of(rig, registry, Path(recording))

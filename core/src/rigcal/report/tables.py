@@ -113,8 +113,8 @@ def transform_rows(calibration: Calibration) -> list[TransformRow]:
                 parent=result.parent,
                 translation_mm=_numbers(T[:3, 3] * 1e3, "{:z.2f}"),
                 rpy_deg=_numbers(np.degrees(se3.rpy_from_rotation(T[:3, :3])), "{:z.4f}"),
-                sigma_mm=_numbers(sigma_mm, "{:.2g}"),
-                sigma_deg=_numbers(sigma_deg, "{:.2g}"),
+                sigma_mm=_spreads(sigma_mm),
+                sigma_deg=_spreads(sigma_deg),
             )
         )
     return rows
@@ -132,7 +132,7 @@ def uncertainty_rows(calibration: Calibration) -> list[UncertaintyRow]:
             else _sigmas(result.covariance)
             for how in ("estimated", "configured")
         )
-        numbers = [_numbers(values, "{:.2g}") for values in (*estimated, *configured)]
+        numbers = [_spreads(values) for values in (*estimated, *configured)]
         deg, mm, deg_configured, mm_configured = numbers
         rows.append(
             UncertaintyRow(name, mm, mm_configured, deg, deg_configured, _state(calibration, name))
@@ -251,6 +251,13 @@ def _in_deg_and_mm(sigma: Array) -> tuple[Array, Array]:
 
 def _numbers(values: Array, form: str) -> tuple[str, ...]:
     return tuple(_NOTHING if np.isnan(v) else form.format(v) for v in values)
+
+
+def _spreads(values: Array) -> tuple[str, ...]:
+    """Standard deviations to two digits, those of a hundred and more whole."""
+    return tuple(
+        _NOTHING if np.isnan(v) else f"{v:.0f}" if 99.5 <= v < 1e6 else f"{v:.2g}" for v in values
+    )
 
 
 def _optional(value: int | None) -> str:

@@ -149,7 +149,8 @@ def _proposals(
         left = [i for i in left if joining.is_wanted(pool.poses[i])] or left
         i = left[best(judge, known, pool.information[left])]
         taken.add(i)
-        pose, gain = _varied(site, pool.poses[i], pool.information[i], known, judge, so_far, rng)
+        start = Pool((pool.poses[i],), pool.information[i : i + 1])
+        pose, gain = _varied(site, start, known, judge, joining, so_far, rng)
         joining.add(pose, firm(judge, gain))
         known = known + gain
         proposals.append(
@@ -162,20 +163,22 @@ def _proposals(
 
 def _varied(
     site: Site,
-    pose: BoardPose,
-    gain: Array,
+    start: Pool,
     known: Array,
     judge: Judge,
+    joining: Joining,
     so_far: Recorded,
     rng: np.random.Generator,
 ) -> tuple[BoardPose, Array]:
-    """The best of a pose and such as are like it, seen by the same sensors at least; its gain."""
+    """The best of a pose and others like it, and its gain; what joins is varied into what does."""
+    (pose,), (gain,) = start.poses, start.information
+    must = joining.is_wanted(pose)
     for _ in range(_ROUNDS):
         like = vary(site, pose, _VARIATIONS, rng)
         near = weigh(site, like, so_far.numbers, so_far.scales, rng)
-        same = [i for i, other in enumerate(near.poses) if {*other.seen_by} >= {*pose.seen_by}]
-        poses = (pose, *(near.poses[i] for i in same))
-        gains = np.concatenate([gain[None], near.information[same]])
+        kept = [k for k, other in enumerate(near.poses) if not must or joining.is_wanted(other)]
+        poses = (pose, *(near.poses[k] for k in kept))
+        gains = np.concatenate([gain[None], near.information[kept]])
         i = best(judge, known, gains)
         pose, gain = poses[i], gains[i]
     return pose, gain

@@ -17,7 +17,8 @@ import rigcal
 from rigcal.calibration import Calibration, SensorResult
 from rigcal.errors import InputError, PluginError
 from rigcal.geometry import se3
-from rigcal.plugin import Exporter, Registry, hookimpl
+from rigcal.plugin import Exporter, Registry, SensorConfig, hookimpl
+from rigcal.rig import Rig
 
 T_LIDAR_CAM = se3.exp(np.array([0.3, -1.1, 0.7, 0.2, -0.4, 0.6]))
 T_CAM_FRONT = se3.exp(np.array([-0.9, 0.2, 1.5, 1.2, 0.1, -0.3]))
@@ -99,6 +100,13 @@ def test_exporter_that_needs_the_rig_says_so_without_one() -> None:
     registry = _registry(lambda calibration, rig: rig.name, needs_rig=True)
     with pytest.raises(InputError, match="give the rig too"):
         rigcal.export(CALIBRATION, registry, "acme")
+
+
+def test_rig_of_other_sensors_is_refused() -> None:
+    sensors = {"lidar": SensorConfig(type="lrf3d", topic="/points")}
+    rig = Rig("cart", "lidar", {}, sensors)
+    with pytest.raises(InputError, match=r"the calibration has .*which the rig does not"):
+        rigcal.export(CALIBRATION, _registry(lambda calibration, rig: ""), "acme", rig)
 
 
 def test_command_writes_the_file_and_tells_programs(tmp_path: Path, command: Any) -> None:

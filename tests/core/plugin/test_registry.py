@@ -174,6 +174,7 @@ class _Untyped(SensorConfig, frozen=True):
         (_sonar(message_definitions={"a": 1}), "expected the text of a .msg file by ROS name"),
         (_failing_plugin(), "rigcal_commands failed with ZeroDivisionError"),
         (_plugin("rigcal_target_types", [UNBUILT]), "build is 1, not a function"),
+        (_plugin("rigcal_target_types", [SONAR]), "expected a TargetType"),
         (_plugin("rigcal_recording_formats", [_ping]), "expected a RecordingFormat"),
         (_plugin("rigcal_recording_formats", [replace(TAPE, open=".clf")]), "open is '.clf', not"),
         (_plugin("rigcal_importers", [NOTES.read]), "expected an Importer"),

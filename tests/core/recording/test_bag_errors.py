@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapReader
 
 from rigcal.errors import RecordingError
 from rigcal.recording import Source, open_recording, ros
@@ -151,3 +153,30 @@ def test_a_bag_without_messages(tmp_path: Path, suffix: str) -> None:
         pytest.raises(RecordingError, match=r"'/front/scan' is not in the .*; it holds no topics"),
     ):
         recording.count(SCANS)
+
+
+def test_a_topic_of_two_types_or_of_no_messages_is_named(tmp_path: Path) -> None:
+    store = ros.typestore()
+    writer = Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.MCAP)
+    with writer:
+        for topic, kind in (("/t", "String"), ("/t", "Bool"), ("/u", "Bool")):
+            writer.add_connection(topic, f"std_msgs/msg/{kind}", typestore=store)
+    with open_recording(tmp_path / "bag") as recording:
+        with pytest.raises(
+            RecordingError, match=r"several message types \(std_msgs/msg/Bool, std_"
+        ):
+            recording.count(Source(topic="/t"))
+        with pytest.raises(RecordingError, match="topic '/u' has no messages; it holds:"):
+            recording.count(Source(topic="/u"))
+
+
+def test_a_damaged_index_of_a_chunk_is_named_with_its_cure(make_bag: Callable[[str], Path]) -> None:
+    path = make_bag("mcap")
+    reader = McapReader(path)
+    reader.open()
+    offset = min(reader.chunks[0].message_index_offsets.values())
+    reader.close()
+    content = bytearray(path.read_bytes())
+    content[offset] = 0x0A
+    path.write_bytes(content)
+    assert "is damaged; rebuild it with `mcap recover" in (_error(path) or "")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +151,22 @@ def test_an_unknown_datatype_is_named() -> None:
         read_cloud(_message(cloud))
 
 
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ([], "the cloud's points have no fields; expected x, y, z"),
+        (["x", "x", "z"], "the cloud's fields make no layout"),
+    ],
+)
+def test_points_without_a_layout_are_named(fields: list[str], says: str) -> None:
+    cloud = cloud_message(_points(), 0, "lidar")
+    cloud.fields = cloud.fields[: len(fields)]
+    for field, name in zip(cloud.fields, fields, strict=True):
+        field.name = name
+    with pytest.raises(RecordingError, match=f"r.mcap /points #3: {says}"):
+        read_cloud(_message(cloud))
+
+
 def test_columns_that_no_message_can_hold() -> None:
     with pytest.raises(RecordingError, match=r"'t' is int64; PointCloud2 has int8.*convert it"):
         cloud_message({"x": np.zeros(2), "t": np.zeros(2, np.int64)}, 0, "lidar")
@@ -264,6 +281,12 @@ def test_every_truncation_is_noticed(tmp_path: Path, kind: str) -> None:
             read_cloud(_file(path))
 
 
+def _archive() -> bytes:
+    file = BytesIO()
+    np.savez(file, x=np.zeros(2))
+    return file.getvalue()
+
+
 _PCD = (
     b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\n"
     b"POINTS 1\nDATA ascii\n1 2 3\n"
@@ -283,6 +306,8 @@ _PCD = (
         (".pcd", b"\x89PNG\r\n\x1a\n" * 9, "which PCD does not know"),
         (".bin", bytes(33), "33 bytes are not a multiple of 16"),
         (".csv", b"", "it is empty"),
+        (".ply", b"ply\nformat ascii 1.0\nelement face 0\nend_header\n", "no element 'vertex'"),
+        (".npy", _archive(), "an archive of several arrays; expected one"),
         (".csv", b"1,2\n3,4\n", "2 columns; expected x, y, z"),
         (".csv", b"x,y,z\n1,2,3\n1,2\n", "columns"),
         (".csv", b"x,y,z\n1,2,three\n", "three"),

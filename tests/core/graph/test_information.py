@@ -6,8 +6,9 @@ import pytest
 
 from rigcal.geometry import se3
 from rigcal.graph.edge import SensorTargetEdge
-from rigcal.graph.information import information
+from rigcal.graph.information import Ends, eliminate, information
 from rigcal.graph.joint import solve
+from rigcal.graph.numbers import NO_NUMBERS
 from rigcal.residual import PoseResidual, whitener
 
 COV = np.diag([1e-6, 2e-6, 3e-6, 1e-5, 2e-5, 4e-5])
@@ -64,3 +65,13 @@ def test_leverage_sums_to_the_number_of_unknowns():
 def test_a_direction_without_data_has_no_small_covariance():
     info = information([], {"a": np.eye(4), "b": np.eye(4)}, {}, frozenset({"a"}))
     assert np.diagonal(info.covariance).min() > 1e6
+
+
+def test_a_target_that_is_open_to_rounding_is_no_singular_matrix():
+    """Six rows that are all the same, with enormous weight: adding 1e-6 to the diagonal is lost."""
+    H = 1e12 * np.ones((1, 6, 6))
+    ends = Ends(np.array([-1]), np.array([0]), np.eye(6)[None])
+    _, _, covariances = eliminate(H, ends, 0, 1, NO_NUMBERS)
+    assert np.isfinite(covariances).all()
+    along = np.ones(6) / np.sqrt(6)
+    assert np.isclose(along @ covariances[0] @ along, 1 / 6e12, rtol=1e-2)

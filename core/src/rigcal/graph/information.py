@@ -15,6 +15,8 @@ from rigcal.graph.stack import Blocks, EdgeStack, Index, poses_of
 
 # Smaller eigenvalues of an edge's information, by the largest, are rounding.
 _RANK = 1e-12
+# What a target's information is lifted by, of its trace.
+_RIDGE = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +154,8 @@ def eliminate(
     """
     H_tt = np.tile(np.eye(6) * 1e-6, (targets, 1, 1))
     np.add.at(H_tt, ends.exposure, H[:, :6, :6])
+    # A board that one sensor saw, far off and unfiltered, may be open in a direction to rounding.
+    H_tt += _RIDGE * np.trace(H_tt, axis1=1, axis2=2)[:, None, None] * np.eye(6)
     own = ends.column >= 0
     s, k, A = ends.column[own], ends.exposure[own], ends.A[own]
     H_ts = np.zeros((targets, sensors, 6, 6))

@@ -15,6 +15,7 @@ from rigcal.geometry.se3 import Array
 
 if TYPE_CHECKING:
     from rigcal.plugin.contract import SensorConfig, SensorType
+    from rigcal.targets.target import Target
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,13 @@ def as_refined(config: SensorConfig, kind: SensorType, result: SensorResult) -> 
     return config.model_copy(update={"refine": ()})
 
 
+def as_bent(target: Target, refined: Mapping[str, RefinedNumber]) -> Target:
+    """A target bent as its calibration found it, if it was asked for."""
+    names = ("bend_x", "bend_y", "bend_xy")
+    bend = np.array([refined[name].value for name in names if name in refined])
+    return target.bent(bend) if len(bend) else target
+
+
 @dataclass(frozen=True)
 class Rejection:
     """Data of one sensor in one exposure that the result does not rest on, and why."""
@@ -118,7 +126,9 @@ class Calibration:
     """From when to when the target stood at each of `target_poses`, true time; in truth files."""
     graph_error: GraphError | None = None
     refined_targets: Mapping[str, Mapping[str, RefinedNumber]] = field(default_factory=dict)
-    """What the rig asked to refine of its targets, by target and name: their `scale`."""
+    """What the rig asked to refine of its targets, by target and name: `scale`, and `bend_x`,
+    `bend_y`, `bend_xy`.
+    """
     joint_covariance: JointCovariance | None = None
     verdict: Verdict | None = None
     """What the data determine; not part of the file."""

@@ -142,7 +142,7 @@ def beam_residual(
     however many beams it has. ObservationError if the beams do not determine a plane (line).
     """
     p0 = np.zeros(3) if origins is None else origins
-    rows, _ = _at_best_plane(directions, ranges, sigma, np.append(normal, d), p0, planar)
+    rows, _, _ = at_best_plane(directions, ranges, sigma, np.append(normal, d), p0, planar)
     values, vectors = _leading(rows, planar)
     return PlaneResidual(np.sqrt(values[:, None]) * vectors.T, planar)
 
@@ -166,7 +166,7 @@ def biased_beam_residual(
     `beam_residual`; the part that bends the plane is one row more.
     """
     p0 = np.zeros(3) if origins is None else origins
-    rows, error = _at_best_plane(directions, ranges, sigma, np.append(normal, d), p0, planar)
+    rows, error, _ = at_best_plane(directions, ranges, sigma, np.append(normal, d), p0, planar)
     values, vectors = _leading(rows, planar)
     root = np.sqrt(values)
     by_bias = np.broadcast_to(-gain / sigma, error.shape)
@@ -182,10 +182,13 @@ def biased_beam_residual(
     )
 
 
-def _at_best_plane(
+def at_best_plane(
     directions: Array, ranges: Array, sigma: Array, pi: Array, p0: Array, planar: bool
-) -> tuple[Array, Array]:
-    """Derivative (N, 4) by the plane pi = [n, d], and error (N,), at the best plane; whitened."""
+) -> tuple[Array, Array, Array]:
+    """Derivative (N, 4) by the plane pi = [n, d], and error (N,), at the best plane; whitened.
+
+    With them that plane (4,). Row i is `[q_i; 1] / (sigma_i n . rho_i)`, q_i where beam i meets it.
+    """
     rank = 2 if planar else 3
     pi = pi / np.linalg.norm(pi[:3])
     for _ in range(4):
@@ -208,7 +211,7 @@ def _at_best_plane(
     if planar:
         rows[:, 2] = 0.0
     error = ranges + (np.einsum("...i,i->...", p0, pi[:3]) + pi[3]) / cosine
-    return rows, error / sigma
+    return rows, error / sigma, pi
 
 
 def _leading(rows: Array, planar: bool) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from rigcal.bent_residual import BentBeamResidual, bent_beam_residual
 from rigcal.errors import ObservationError, RigcalError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -27,11 +28,13 @@ from rigcal.plugin.contract import Residual, SensorConfig, SensorType, Stacked
 from rigcal.targets.target import Target
 
 __all__ = [
+    "BentBeamResidual",
     "BiasedPlaneResidual",
     "PlaneResidual",
     "PointResidual",
     "PoseResidual",
     "beam_residual",
+    "bent_beam_residual",
     "biased_beam_residual",
     "residual_of",
     "residual_of_geometry",
@@ -126,9 +129,15 @@ def residual_of(
     """The sensor type's own residual, or the default one of the geometry.
 
     A candidate made by hand has the default one. ObservationError if the
-    type's own cannot be made of the candidate's measurements.
+    type's own cannot be made of the candidate's measurements, or if the
+    target may be bent, which a geometry does not tell.
     """
     if kind.residual is None or candidate.by_hand:
+        if target.may_bend:
+            raise ObservationError(
+                "a pose, plane, line or point without measurements is that of a flat board: take "
+                f"`bend` out of `targets.{target.name}.refine`"
+            )
         return residual_of_geometry(candidate)
     try:
         return kind.residual(candidate, config, target)

@@ -163,6 +163,7 @@ def _parse(document: Document, registry: Registry) -> Rig:
     _check_poses(problems, sensors)
     _check_base(problems, header)
     _check_refine(problems, sensors, registry)
+    _check_bend(problems, sensors, targets, registry)
     problems.raise_if_any()
     assert header is not None  # it is None only with a problem noted
     values = {name: getattr(header, name) for name in _RigFile.model_fields}
@@ -254,6 +255,26 @@ def _check_refine(
                 problems.add(path, found)
             elif asked in sensor.refine[:i]:
                 problems.add(path, f"'{asked}' stands twice")
+
+
+def _check_bend(
+    problems: Problems,
+    sensors: Mapping[str, SensorConfig],
+    targets: Mapping[str, TargetConfig],
+    registry: Registry,
+) -> None:
+    """What a target is to refine stands once; all that look at one that bends can tell."""
+    for name, target in targets.items():
+        path = ("targets", name, "refine")
+        for i, asked in enumerate(target.refine):
+            if asked in target.refine[:i]:
+                problems.add((*path, i), f"'{asked}' stands twice")
+        looking = [s for s, c in sensors.items() if c.target == name or len(targets) == 1]
+        blind = [s for s in looking if not registry.sensor_type(sensors[s].type).bends]
+        if "bend" in target.refine and blind:
+            types = ", ".join(dict.fromkeys(sensors[s].type for s in blind))
+            found = f"{', '.join(blind)} cannot tell a bent board from a flat one (type {types})"
+            problems.add(path, f"{found}: take `bend` out, or give it a target of its own")
 
 
 def _union(configs: list[type[_C]], base: type[_C]) -> Any:

@@ -49,6 +49,8 @@ SENSORS: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 
+FIT = {"camera": ("uv", "index"), "lrf3d": ("points",), "lrf2d": ("angles", "ranges")}
+
 Changes = Mapping[str, Mapping[str, Any]]
 
 
@@ -82,19 +84,28 @@ class Cart:
         boards: Sequence[Array],
         sensors: Sequence[str],
         changes: Changes | None = None,
+        bend: Sequence[float] | None = None,
     ) -> list[Observation]:
-        """What the sensors, changed, see of boards at `T_lidar_t`."""
+        """What the sensors, changed, see of boards at `T_lidar_t`.
+
+        Boards may be bent; first poses and what counts as theirs are those of flat ones.
+        """
         rig = self.rig(list(SENSORS), changes)
-        (target,) = build_targets(rig, self.registry).values()
+        (flat,) = build_targets(rig, self.registry).values()
+        target = flat if bend is None else flat.bent(np.array(bend))
         found = []
         for k, T_lidar_t in enumerate(boards):
             for name in sensors:
                 config = rig.sensors[name]
-                observe = self.registry.sensor_type(config.type).observe
+                kind = self.registry.sensor_type(config.type)
+                observe = kind.observe
                 assert observe is not None
                 T_s_t = se3.inverse(self.truth[name]) @ T_lidar_t
                 candidate = observe(T_s_t, config, target, rng)
                 candidates = () if candidate is None else (candidate,)
+                if bend is not None and candidates and kind.fit is not None:
+                    measured = {n: candidates[0].measurement[n] for n in FIT[config.type]}
+                    candidates = kind.fit(measured, config, flat).candidates
                 found.append(Observation(name, str(k), 0, f"{name} {k}", candidates, "not in view"))
         return found
 

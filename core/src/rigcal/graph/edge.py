@@ -17,6 +17,7 @@ class SensorTargetEdge:
 
     The residual depends on `T_s_t = T_root_s^-1 T_root_t` only. `keep` (blocks,) masks blocks that
     are outliers; `scale` divides the whitened residual: the sensor's noise over the configured one.
+    `in_plane` is whether it tells where the target is in its own plane.
     """
 
     sensor: str
@@ -24,6 +25,7 @@ class SensorTargetEdge:
     residual: Residual
     scale: float = 1.0
     keep: NDArray[np.bool_] | None = field(default=None)
+    in_plane: bool = True
 
     @property
     def rows(self) -> int:

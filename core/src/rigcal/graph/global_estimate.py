@@ -16,10 +16,10 @@ from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.method import Method
 from rigcal.graph.numbers import numbers_of
 from rigcal.graph.selection import Selection, first_board, select
-from rigcal.graph.solve import Solution, estimate
+from rigcal.graph.solve import TURN_IS_OPEN, Solution, estimate
 from rigcal.graph.stages import Stages
 from rigcal.graph.task import Task
-from rigcal.observation import Observation
+from rigcal.observation import Observation, PoseGeometry
 from rigcal.progress import Progress
 
 # Two runs to one minimum end this close to each other, in standard deviations.
@@ -134,14 +134,24 @@ def _select(stages: Stages, *, filtered: bool) -> tuple[dict[str, Selection], di
     task, selections, refused = stages.task, dict[str, Selection](), dict[str, str]()
     everything = {} if filtered else best_ranked(task)
     for exposure, seen in task.exposures.items():
-        answer = select(seen, stages.T_root, task.target(next(iter(seen))))
+        target = task.target(next(iter(seen)))
+        answer = select(seen, stages.T_root, target)
         if exposure in everything:
             answer = _all_of(seen, everything[exposure], stages.T_root, answer)
         if isinstance(answer, str):
             refused[exposure] = answer
+        elif target.may_bend and not any(_in_plane(task, exposure, answer)):
+            refused[exposure] = TURN_IS_OPEN
         else:
             selections[exposure] = answer
     return selections, refused
+
+
+def _in_plane(task: Task, exposure: str, selection: Selection) -> list[bool]:
+    """Which of the chosen candidates tell where the board is in its own plane."""
+    seen = task.exposures[exposure]
+    chosen = [seen[s].candidates[i].geometry for s, i in selection.chosen.items()]
+    return [isinstance(g, PoseGeometry) for g in chosen]
 
 
 def _all_of(
@@ -159,8 +169,10 @@ def _all_of(
 
 def _edges(task: Task, selections: Mapping[str, Selection]) -> list[SensorTargetEdge]:
     return [
-        SensorTargetEdge(sensor, exposure, task.residual(sensor, candidate))
+        SensorTargetEdge(sensor, exposure, task.residual(sensor, candidate), in_plane=in_plane)
         for exposure, selection in selections.items()
-        for sensor, i in selection.chosen.items()
+        for (sensor, i), in_plane in zip(
+            selection.chosen.items(), _in_plane(task, exposure, selection), strict=True
+        )
         for candidate in [task.exposures[exposure][sensor].candidates[i]]
     ]

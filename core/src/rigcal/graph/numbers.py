@@ -1,4 +1,4 @@
-"""What is estimated beside the poses, on request: numbers of sensors, and the scale of targets.
+"""What is estimated beside the poses, on request: numbers of sensors, scale and bend of targets.
 
 They are one vector. Inside the solver each is counted in units of its own, the change that alone
 would be too much, so that one number is like another.
@@ -13,13 +13,17 @@ from functools import cached_property
 import numpy as np
 
 from rigcal.errors import NotDeterminedError
+from rigcal.geometry.bend import height_by_bend
 from rigcal.geometry.se3 import Array
 from rigcal.graph.task import Task
 from rigcal.plugin.contract import SensorConfig
 from rigcal.plugin.refinable import Parameters
+from rigcal.targets.target import Target
 
 # The printed size is off by more than this only by a mistake.
 _TOLERABLE_SCALE = 0.01
+# Boards of wood or foam, leant against something, are seldom flatter.
+_TOLERABLE_BEND_M = 0.002
 _LISTED = 4
 # So many times the tolerable error is as good as no information.
 _UNKNOWN = 1e3
@@ -35,6 +39,21 @@ SCALE = Parameters(
     advice="directions alone leave the scale open: add exposures in which a sensor that measures "
     "ranges sees the board in different places, or fix the pose between two sensors",
 )
+
+
+def bend_of(target: Target) -> Parameters:
+    """The curvatures of a board, where they start; its rim may be off by 2 mm."""
+    corners = target.outline
+    rim = np.concatenate([corners, (corners + np.roll(corners, -1, axis=0)) / 2])
+    return Parameters(
+        names=("bend_x", "bend_y", "bend_xy"),
+        units=("1/m",) * 3,
+        values=target.bend,
+        effect=height_by_bend(rim) / _TOLERABLE_BEND_M,
+        tolerable=f"{1000 * _TOLERABLE_BEND_M:g} mm of height at the board's rim",
+        advice="a camera sees a bend only where the board is tilted or near, a laser where many of "
+        "its beams meet the board and their noise is small: add such exposures",
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +76,25 @@ class Group:
 class Numbers:
     """All groups, and the present `values` (Q,).
 
-    `scaled` is the entry that scales the target of a sensor which measures directions only.
+    `scaled` is the entry that scales the target of a sensor which measures directions only, `bent`
+    are the entries that bend a sensor's target.
     """
 
     groups: tuple[Group, ...]
     values: Array
     scaled: Mapping[str, int]
+    bent: Mapping[str, tuple[int, ...]]
 
     def __len__(self) -> int:
         return len(self.values)
 
     def of(self, sensor: str) -> list[int]:
-        """The entries of a sensor, in the order of its config's `refine`."""
+        """The entries that a sensor's residuals depend on: in the order of its config's `refine`,
+        then the bend of its target.
+        """
         mine = [g.entries for g in self.groups if g.owner == sensor and not g.is_target]
-        return [i for entries in mine for i in range(entries.start, entries.stop)]
+        own = [i for entries in mine for i in range(entries.start, entries.stop)]
+        return [*own, *self.bent.get(sensor, ())]
 
     def applied(self, sensor: str, task: Task) -> SensorConfig:
         """The sensor's config with the numbers as they are now."""
@@ -79,6 +103,13 @@ class Numbers:
             if g.owner == sensor and not g.is_target:
                 config = task.kinds[sensor].refinable[g.name].apply(config, self.values[g.entries])
         return config
+
+    def target(self, sensor: str, task: Task) -> Target:
+        """The sensor's target, bent as the numbers are now."""
+        target = task.target(sensor)
+        if sensor not in self.bent:
+            return target
+        return target.bent(self.values[list(self.bent[sensor])])
 
     def seen(self, sensor: str, T_s_t: Array) -> Array:
         """The pose (..., 4, 4) at which a target of nominal size would look the same.
@@ -138,7 +169,7 @@ class Numbers:
         return result
 
 
-NO_NUMBERS = Numbers((), np.zeros(0), {})
+NO_NUMBERS = Numbers((), np.zeros(0), {}, {})
 
 
 def numbers_of(task: Task) -> Numbers:
@@ -148,18 +179,28 @@ def numbers_of(task: Task) -> Numbers:
         for sensor, config in task.rig.sensors.items()
         for name in config.refine
     ]
-    asked += [(t, "scale", SCALE, True) for t, config in task.rig.targets.items() if config.refine]
+    asked += [
+        (t, name, SCALE if name == "scale" else bend_of(task.targets[t]), True)
+        for t, config in task.rig.targets.items()
+        for name in config.refine
+    ]
     groups, count = list[Group](), 0
     for owner, name, parameters, is_target in asked:
         groups.append(Group(owner, name, parameters, count, is_target))
         count += len(parameters.names)
-    at = {g.owner: g.start for g in groups if g.is_target}
+    at = {(g.owner, g.name): g.entries for g in groups if g.is_target}
+    looks_at = {sensor: task.rig.target_of(sensor) for sensor in task.rig.sensors}
     scaled = {
-        sensor: at[task.rig.target_of(sensor)]
-        for sensor, kind in task.kinds.items()
-        if kind.angular and task.rig.target_of(sensor) in at
+        sensor: at[target, "scale"].start
+        for sensor, target in looks_at.items()
+        if task.kinds[sensor].angular and (target, "scale") in at
     }
-    numbers = Numbers(tuple(groups), np.zeros(count), scaled)
+    bent = {
+        sensor: tuple(range(at[target, "bend"].start, at[target, "bend"].stop))
+        for sensor, target in looks_at.items()
+        if (target, "bend") in at
+    }
+    numbers = Numbers(tuple(groups), np.zeros(count), scaled, bent)
     return replace(numbers, values=numbers.start)
 
 

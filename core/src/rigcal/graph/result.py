@@ -150,7 +150,7 @@ def residual_statistics(
 
     Of the geometry's errors if the type offers no others, or if a candidate was made by hand.
     """
-    kind, target = task.kinds[name], task.target(name)
+    kind, target = task.kinds[name], solution.numbers.target(name, task)
     config = solution.numbers.applied(name, task)
     seen = [
         (e, task.exposures[e.exposure][name].candidates[selections[e.exposure].chosen[name]])

@@ -25,6 +25,9 @@ _MOST_ROUNDS = 6
 _ENOUGH_ROWS = 20.0
 # Real noise is seldom below this share of the configured one.
 _WIDE_OPEN = 10.0
+TURN_IS_OPEN = (
+    "no sensor tells how the board is turned in its own plane, and so which way it is bent"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,10 +210,13 @@ def _inliers(
         else:
             kept.append(edge)
     count = Counter(e.exposure for e in kept)
+    turned = {e.exposure for e in kept if e.in_plane or not numbers.bent}
     for edge in kept:
         if count[edge.exposure] < 2:
             dropped[edge.sensor, edge.exposure] = "no other sensor's data is left in this exposure"
-    return [e for e in kept if count[e.exposure] > 1], dropped
+        elif edge.exposure not in turned:
+            dropped[edge.sensor, edge.exposure] = TURN_IS_OPEN
+    return [e for e in kept if (e.sensor, e.exposure) not in dropped], dropped
 
 
 def _masked(

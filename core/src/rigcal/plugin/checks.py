@@ -66,7 +66,7 @@ def _check_sensor(sensor: Any) -> None:
 
 
 _DATA_FIELDS = {"name", "config", "message_types", "message_definitions", "unit", "message_type"}
-_DATA_FIELDS |= {"contract", "describes", "effects", "flat", "angular", "refinable"}
+_DATA_FIELDS |= {"contract", "describes", "effects", "flat", "angular", "refinable", "bends"}
 
 
 def _check_target(target: Any) -> None:

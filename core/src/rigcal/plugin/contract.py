@@ -257,6 +257,10 @@ class SensorType:
                     used
     refinable       numbers of its config that the data may refine, by the name that `refine` lists;
                     its residuals are then `RefinableResidual`
+    bends           whether `residual` and `errors` know that a target may be bent: of one that is
+                    (`Target.may_bend`) the residual starts at `Target.bend`, and is a
+                    `RefinableResidual` by it after the config's own numbers. A rig that asks to
+                    refine the bend of a target takes such sensors only
     """
 
     name: str
@@ -287,3 +291,4 @@ class SensorType:
     describes: Mapping[str, Describe] = field(default_factory=dict, hash=False)
     contract: int = CONTRACT_VERSION
     fit: Fit | None = None
+    bends: bool = False

@@ -60,5 +60,7 @@ class RefinableResidual(Protocol):
 
     @classmethod
     def refined(cls, residuals: Sequence[Self]) -> Refined:
-        """One function for residuals of one sensor; values in the order of `config.refine`."""
+        """One function for residuals of one sensor; values in the order of `config.refine`, then
+        the three of the target's bend where its config asks for that.
+        """
         ...

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigcal.calibration import Calibration, as_refined
+from rigcal.calibration import Calibration, as_bent, as_refined
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.selection import misfit
@@ -73,12 +73,17 @@ def errors_by_sensor(
     targets, by_sensor = build_targets(rig, registry), dict[str, list[Observation]]()
     for o in used(calibration, observations):
         by_sensor.setdefault(o.sensor, []).append(o)
+
+    def target_of(sensor: str) -> Target:
+        name = rig.target_of(sensor)
+        return as_bent(targets[name], calibration.refined_targets.get(name, {}))
+
     return {
         name: _errors_of(
             by_sensor[name],
             registry.sensor_type(rig.sensors[name].type),
             config_of(calibration, rig, registry, name),
-            targets[rig.target_of(name)],
+            target_of(name),
             [o.exposure for o in by_sensor[name]],
             _poses(calibration, rig, registry, name, by_sensor[name]),
         )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.scene.shapes import Cylinder, Shape, Sphere
-from rigcal.scene.surface import Surface
+from rigcal.scene.surface import BentBoard, Surface
 from rigcal.targets.target import Target
 
 
@@ -40,7 +40,7 @@ class Scene:
             return ranges, hit
         shapes: list[tuple[int, Shape]] = list(enumerate(self.shapes, start=1))
         if self.T_w_t is not None:
-            shapes.insert(0, (0, Surface(self.T_w_t, self.target.outline)))
+            shapes.insert(0, (0, self._board(self.T_w_t)))
         origins = np.atleast_2d(p_w)
         middle = origins.mean(axis=0)
         spread = float(np.sqrt(np.sum((origins - middle) ** 2, axis=1).max()))
@@ -52,6 +52,10 @@ class Scene:
             ranges[rays] = np.where(met, t, ranges[rays])
             hit[rays] = np.where(met, index, hit[rays])
         return ranges, hit
+
+    def _board(self, T_w_t: Array) -> Shape:
+        outline, bend = self.target.outline, self.target.bend
+        return BentBoard(T_w_t, outline, bend) if bend.any() else Surface(T_w_t, outline)
 
     def greys(self, p_w: Array, hit: NDArray[np.int64], footprint_m: Array | float = 0.0) -> Array:
         """Grey (N,) in [0, 1] of what `cast` hit at points (N, 3); NaN for the target and nothing.

@@ -1,4 +1,4 @@
-"""Flat surfaces, plain or with a picture on them."""
+"""Flat surfaces, plain or with a picture on them, and boards that are bent."""
 
 from __future__ import annotations
 
@@ -9,8 +9,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.geometry import se3
+from rigcal.geometry.bend import range_to_bend
 from rigcal.geometry.se3 import Array
-from rigcal.geometry.shapes import half_planes, plane_of_target
+from rigcal.geometry.shapes import half_planes, inside_convex, plane_of_target
+
+
+@dataclass(frozen=True, eq=False)
+class BentBoard:
+    """A board with a bend (3,), see `rigcal.geometry.bend`; `outline` (K, 2) as seen along z."""
+
+    T_w_f: Array
+    outline: Array
+    bend: Array
+
+    @cached_property
+    def bounds(self) -> tuple[Array, float]:
+        """See `Shape`."""
+        flat = np.pad(self.outline, ((0, 0), (0, 1)))
+        rise = float(np.abs(self.bend).sum() * np.sum(self.outline**2, axis=1).max())
+        center = flat.mean(axis=0)
+        radius = float(np.linalg.norm(flat - center, axis=1).max())
+        return se3.apply(self.T_w_f, center), radius + rise
+
+    def meet(self, p_w: Array, d_w: Array, limit: Array) -> Array:
+        """See `Shape`."""
+        R = self.T_w_f[:3, :3]
+        p_f, d_f = (p_w - self.T_w_f[:3, 3]) @ R, d_w @ R
+        t = range_to_bend(p_f, d_f, self.bend)
+        ahead = np.isfinite(t) & (t > 0) & (t < limit)
+        end = p_f + np.where(ahead, t, 0.0)[:, None] * d_f
+        return np.where(ahead & inside_convex(end[:, :2], self.outline), t, np.inf)
+
+    def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
+        """See `Shape`."""
+        return np.full(len(p_f), 0.5)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from rigcal.geometry.bend import onto_bend
 from rigcal.geometry.se3 import Array
 
 
@@ -28,8 +29,10 @@ class TargetConfig(BaseModel):
     offset_m: tuple[float, float] = Field(
         default=(0.0, 0.0), description="centre of the pattern, from the centre of the board"
     )
-    refine: tuple[Literal["scale"], ...] = Field(
-        default=(), description="what is estimated together with the poses: [scale] of the print"
+    refine: tuple[Literal["scale", "bend"], ...] = Field(
+        default=(),
+        description="what is estimated together with the poses: the `scale` of the print, the "
+        "`bend` of a board that is not flat",
     )
 
 
@@ -47,13 +50,14 @@ class Target:
 
     Frame t: origin at the centre of the board's outline, x right, y up on the printed face, z out
     of the face towards the viewer. `outline` (4, 2) is the board, anticlockwise. `points` (N, 3)
-    are the fiducial points (z = 0); a camera reports a corner by its index into them.
+    are the fiducial points (z = 0 if it is flat); a camera reports a corner by its index into them.
     `groups` names index arrays, for example the four corners of each tag (n_tags, 4) with the tag
     ids (n_tags,). `symmetries` are the permutations (N,) of `points`, other than the identity,
     under which the pattern looks the same: its pose is ambiguous by them.
     `patches` lists the print in painting order on white paper.
     `find` detects the fiducials in a grey uint8 image and returns point indices (M,) and pixels
     (M, 2); None when a sensor plugin knows the type itself.
+    `bend` (3,) are the curvatures of a board that is not flat (`rigcal.geometry.bend`), 1/m.
     """
 
     name: str
@@ -64,6 +68,17 @@ class Target:
     symmetries: tuple[NDArray[np.int64], ...] = ()
     patches: tuple[Patch, ...] = ()
     find: Callable[[NDArray[np.uint8]], tuple[NDArray[np.int64], Array]] | None = None
+    bend: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def may_bend(self) -> bool:
+        """Whether it is bent, or is to be found out to be."""
+        return "bend" in self.config.refine or bool(self.bend.any())
+
+    def bent(self, bend: Array) -> Target:
+        """The same board with another bend (3,), its `points` on the bent face."""
+        bend = np.asarray(bend, np.float64)
+        return replace(self, points=onto_bend(self.points, bend), bend=bend)
 
     @property
     def outline_points(self) -> Array:

@@ -46,7 +46,7 @@ class SensorConformance(
       whitened, its Jacobian is its derivative, its order of rows does not matter; damaged
       measurements are an ObservationError (`residual_checks`);
     - what its config can refine starts where the config says, comes back from `apply`, and moves
-      the residual as its derivative claims (`refine_checks`);
+      the residual as its derivative claims; so does the bend of the board (`refine_checks`);
     - several frames of a board at rest know more together than one, and no more than is true; a
       second look finds the board near the prediction, and nothing where none is
       (`stillness_checks`);
@@ -93,7 +93,7 @@ class SensorConformance(
     def test_capability(self, capability: str) -> None:
         """Lists what the type offers; an optional part is a function or is absent."""
         part = getattr(self.sensor_type, capability)
-        assert part is None or callable(part) or isinstance(part, Mapping)
+        assert part is None or callable(part) or isinstance(part, (bool, Mapping))
 
     def _capabilities(self) -> Iterator[Any]:
         for name, offered in self.offers().items():

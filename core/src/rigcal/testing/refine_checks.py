@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from rigcal.geometry import se3
+from rigcal.geometry.se3 import Array
+from rigcal.graph.numbers import bend_of
+from rigcal.plugin.contract import Residual
 from rigcal.plugin.refinable import Parameters
 from rigcal.testing.capability import needs
 from rigcal.testing.stage import Stage
 
 _STEP = 1e-4
 """Of a number's tolerable error."""
+
+_POSE_STEP = 1e-6
+"""Of a pose, rad and m."""
+
+_BEND = np.array([0.02, -0.01, 0.015])
+"""Some millimetres at the rim of a board of one metre."""
 
 
 class RefineChecks(Stage):
@@ -50,22 +61,75 @@ class RefineChecks(Stage):
         T_s_t = np.stack(list(poses)) @ se3.exp(rng.normal(0, 0.01, (3, 6)))
         for name in self.sensor_type.refinable:
             p = self._parameters(name)
-            own: list[Any] = [self.residual(c, (name,)) for c in candidates]
-            evaluate = type(own[0]).refined(own)
-            r, J, J_values = evaluate(T_s_t, p.values)
-            one_by_one = [f(T) for f, T in zip(own, T_s_t, strict=True)]
-            scale = float(np.abs(J).max())
-            np.testing.assert_allclose(r, np.concatenate([r for r, _ in one_by_one]), atol=1e-9)
-            np.testing.assert_allclose(
-                J, np.concatenate([J for _, J in one_by_one]), atol=1e-9 * scale
-            )
-            assert J_values.shape == (len(r), len(p.names))
-            for i, step in enumerate(np.diag(_STEP / np.abs(p.effect).max(axis=0))):
-                difference = evaluate(T_s_t, p.values + step)[0]
-                difference = difference - evaluate(T_s_t, p.values - step)[0]
-                largest = max(float(np.abs(J_values[:, i]).max()), 1e-300)
-                expected = difference / (2 * step[i])
-                np.testing.assert_allclose(J_values[:, i], expected, atol=1e-5 * largest)
+            own = [self.residual(c, (name,)) for c in candidates]
+            _check_derivatives(own, T_s_t, p.values, _steps(p))
+
+    @needs("bends", "candidates")
+    def test_residual_moves_with_the_bend_of_the_board_as_its_derivative_says(self) -> None:
+        """From where it starts: a flat board, or one that is known to be bent."""
+        rng = np.random.default_rng(0)
+        poses = self.poses(rng, 3)
+        candidates = [self.candidate(T_s_t, rng) for T_s_t in poses]
+        T_s_t = np.stack(list(poses)) @ se3.exp(rng.normal(0, 0.01, (3, 6)))
+        config = self.target.config.model_copy(update={"refine": ("bend",)})
+        for bend in (np.zeros(3), _BEND):
+            target = replace(self.target, config=config).bent(bend)
+            own_names: list[str | None] = [None, *self.sensor_type.refinable]
+            for name in own_names:
+                first = [] if name is None else [self._parameters(name)]
+                values, steps = (
+                    np.concatenate(parts)
+                    for parts in (
+                        [*(p.values for p in first), bend],
+                        [*(_steps(p) for p in first), _steps(bend_of(target))],
+                    )
+                )
+                asked = () if name is None else (name,)
+                own = [self.residual(c, asked, target) for c in candidates]
+                _check_derivatives(own, T_s_t, values, steps)
+
+    @needs("bends", "errors", "candidates")
+    def test_errors_are_those_against_the_bent_board(self) -> None:
+        rng = np.random.default_rng(0)
+        (T_s_t,) = self.poses(rng, 1)
+        candidate, errors = self.candidate(T_s_t, rng), self.sensor_type.errors
+        assert errors is not None
+        flat, bent = (
+            errors(candidate, self.config, target, T_s_t)
+            for target in (self.target, self.target.bent(_BEND))
+        )
+        assert bent.shape == flat.shape
+        assert np.abs(bent - flat).max() > 0
 
     def _parameters(self, name: str) -> Parameters:
         return self.sensor_type.refinable[name].parameters(self.config)
+
+
+def _steps(p: Parameters) -> Array:
+    """(P,) steps for differences."""
+    result: Array = _STEP / np.abs(p.effect).max(axis=0)
+    return result
+
+
+def _check_derivatives(
+    residuals: Sequence[Residual], T_s_t: Array, values: Array, steps: Array
+) -> None:
+    """Residuals of `values` (P,) are those of poses alone there, and their derivative is true."""
+    kind: Any = type(residuals[0])
+    evaluate = kind.refined(residuals)
+    r, J, J_values = evaluate(T_s_t, values)
+    one_by_one = [f(T) for f, T in zip(residuals, T_s_t, strict=True)]
+    scale = float(np.abs(J).max())
+    np.testing.assert_allclose(r, np.concatenate([r for r, _ in one_by_one]), atol=1e-9)
+    np.testing.assert_allclose(J, np.concatenate([J for _, J in one_by_one]), atol=1e-9 * scale)
+    assert J_values.shape == (len(r), len(values))
+    for i, step in enumerate(np.diag(steps)):
+        difference = evaluate(T_s_t, values + step)[0] - evaluate(T_s_t, values - step)[0]
+        largest = max(float(np.abs(J_values[:, i]).max()), 1e-300)
+        expected = difference / (2 * step[i])
+        np.testing.assert_allclose(J_values[:, i], expected, atol=1e-5 * largest)
+    for i in range(6):
+        step = se3.exp(_POSE_STEP * np.eye(6)[i])
+        difference = evaluate(T_s_t @ step, values)[0]
+        difference = difference - evaluate(T_s_t @ se3.inverse(step), values)[0]
+        np.testing.assert_allclose(J[:, i], difference / (2 * _POSE_STEP), atol=1e-6 * scale)

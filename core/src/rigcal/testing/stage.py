@@ -116,7 +116,7 @@ class Stage:
         parts = ["residual", "errors", "measured_at", "fit", "observe", "simulate", "encode"]
         parts += ["sees", "view", "project", "combine", "near"]
         found = {part: getattr(cls.sensor_type, part, None) is not None for part in parts}
-        found["refinable"] = bool(cls.sensor_type.refinable)
+        found["refinable"], found["bends"] = bool(cls.sensor_type.refinable), cls.sensor_type.bends
         found["extra_messages"] = cls.sensor_type.extra_messages is not None
         found["frames"] = found["simulate"] or cls.message is not Stage.message
         found["messages"] = cls.message is not Stage.message or (
@@ -190,10 +190,15 @@ class Stage:
         assert found is not None, f"the board is in view at\n{T_s_t}\nbut `observe` returned None"
         return found
 
-    def residual(self, candidate: Candidate, refine: tuple[str, ...] = ()) -> Residual:
+    def residual(
+        self,
+        candidate: Candidate,
+        refine: tuple[str, ...] = (),
+        target: Target | None = None,
+    ) -> Residual:
         """The type's own residual, or the default one of the geometry."""
         config = self.config.model_copy(update={"refine": refine}) if refine else self.config
-        return residual_of(self.sensor_type, candidate, config, self.target)
+        return residual_of(self.sensor_type, candidate, config, target or self.target)
 
     def errors(self, candidate: Candidate, T_s_t: Array) -> Array:
         """(N,) or (N, 2) errors of the raw measurements in the type's unit, or of the geometry."""

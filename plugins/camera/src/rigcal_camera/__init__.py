@@ -91,6 +91,7 @@ CAMERA = SensorType(
     describes={IMAGE: _size, INFO: describe_camera_info},
     angular=True,
     refinable={"lens": LENS},
+    bends=True,
 )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigcal.errors import ObservationError
 from rigcal.geometry import se3
+from rigcal.geometry.bend import height_by_bend, onto_bend
 from rigcal.geometry.se3 import Array
 from rigcal.observation import Candidate, PoseGeometry
 from rigcal.plugin.contract import Stacked
@@ -46,7 +47,7 @@ class ReprojectionResidual:
     """Whitened reprojection errors u0, v0, u1, v1, ... of the corners of one view.
 
     `common` (2M, 6), if any, is what moves all corners together: the rows are `(I - C C^T) e /
-    sigma_px`.
+    sigma_px`. With `bends` it is `refined` by the bend of the board too.
     """
 
     lens: Lens
@@ -54,6 +55,7 @@ class ReprojectionResidual:
     uv: Array
     sigma_px: float
     common: Array | None = None
+    bends: bool = False
     block: int = 2
 
     @property
@@ -80,16 +82,25 @@ class ReprojectionResidual:
 
     @classmethod
     def refined(cls, residuals: Sequence[Self]) -> Refined:
-        """The same as a function of the lens too."""
-        start, whiten = residuals[0].lens, _whitener(residuals)
-        p_t, uv, view = _all_views(residuals)
+        """The same as a function of the lens and the board's bend too, as far as asked for."""
+        first, whiten = residuals[0], _whitener(residuals)
+        p_nominal, uv, view = _all_views(residuals)
 
         def evaluate(T_s_t: Array, values: Array) -> tuple[Array, Array, Array]:
-            lens, T = with_values(start, values), T_s_t[view]
+            of_lens, bend = np.split(values, [len(values) - 3 * first.bends])
+            p_t = onto_bend(p_nominal, bend) if first.bends else p_nominal
+            lens = with_values(first.lens, of_lens) if len(of_lens) else first.lens
+            T = T_s_t[view]
             error, J = reprojection(lens, T, p_t, uv)
-            p_s = np.einsum("kij,kj->ki", T[:, :3, :3], p_t) + T[:, :3, 3]
-            J_lens = pixels_by_lens(lens, p_s, np.any(J, axis=(1, 2))).reshape(len(p_t) * 2, -1)
-            rows = whiten(np.column_stack([error.ravel(), J.reshape(-1, 6), J_lens]))
+            parts = [error.ravel(), J.reshape(-1, 6)]
+            if len(of_lens):
+                p_s = np.einsum("kij,kj->ki", T[:, :3, :3], p_t) + T[:, :3, 3]
+                J_lens = pixels_by_lens(lens, p_s, np.any(J, axis=(1, 2)))
+                parts.append(J_lens.reshape(len(p_t) * 2, -1))
+            if first.bends:
+                # A point that rises moves as by a shift of the board along its z.
+                parts.append((J[..., 5:] * height_by_bend(p_t)[:, None]).reshape(-1, 3))
+            rows = whiten(np.column_stack(parts))
             return rows[:, 0], rows[:, 1:7], rows[:, 7:]
 
         return evaluate
@@ -141,11 +152,11 @@ def make_residual(
     if not ratio >= 1:
         raise ObservationError(f"a camera's candidate has `pose_ratio` {ratio}, expected 1 or more")
     if ratio == 1 or len(uv) < 3 or not isinstance(candidate.geometry, PoseGeometry):
-        return ReprojectionResidual(lens, p_t, uv, sigma_px)
+        return ReprojectionResidual(lens, p_t, uv, sigma_px, bends=target.may_bend)
     J = reprojection(lens, candidate.geometry.T_s_t, p_t, uv)[1].reshape(-1, 6)
     # (I - c Q Q^T)^2 is the inverse of I + (ratio^2 - 1) Q Q^T for c = 1 - 1 / ratio.
     common = np.linalg.qr(J)[0] * np.sqrt(1 - 1 / ratio)
-    return ReprojectionResidual(lens, p_t, uv, sigma_px, common)
+    return ReprojectionResidual(lens, p_t, uv, sigma_px, common, target.may_bend)
 
 
 def errors(candidate: Candidate, config: CameraConfig, target: Target, T_s_t: Array) -> Array:

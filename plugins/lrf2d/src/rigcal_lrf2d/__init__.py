@@ -40,6 +40,7 @@ LRF2D = SensorType(
     fit=fit,
     describes={LASER_SCAN: describe},
     refinable={"range_bias": RANGE_BIAS},
+    bends=True,
 )
 
 

@@ -47,6 +47,7 @@ LRF3D = SensorType(
     view=view,
     fit=fit,
     refinable={"range_bias": RANGE_BIAS},
+    bends=True,
 )
 
 

@@ -119,6 +119,16 @@ def test_wrong_file_is_refused_with_its_line(
     assert message in str(caught.value)
 
 
+def test_a_rig_file_is_told_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    path.write_text("version: 1\nroot: a\ntargets: {b: {type: c}}\nsensors: {a: {type: d}}\n")
+    with pytest.raises(ConfigError) as caught:
+        load_calibration(path)
+    assert str(caught.value) == (
+        f"{path}: key 'format' is missing, expected a calibration with `format: rigcal-calibration`"
+    )
+
+
 @pytest.mark.parametrize(
     ("entry", "message"), [((0, 1), "not symmetric"), ((2, 2), "a negative eigenvalue")]
 )

@@ -243,6 +243,13 @@ def test_a_sensor_that_saw_nothing_is_named(registry):
         calibrate(rig, registry, observations)
 
 
+def test_a_sensor_without_observations_is_not_said_to_be_blind(registry):
+    rig = rig_of(registry, a="pose", b="pose")
+    seen = [o for o in record(rig, np.random.default_rng(0), count=5) if o.sensor == "a"]
+    with pytest.raises(ObservationError, match="there is no observation of sensor 'b'"):
+        calibrate(rig, registry, seen)
+
+
 def test_a_target_of_half_its_size_is_told_from_other_mistakes(registry):
     rig = rig_of(registry, a="pose", b="plane")
     observations = []

@@ -190,6 +190,9 @@ def test_other_npz_files_and_versions_are_named(tmp_path: Path) -> None:
     np.save(tmp_path / "single.npy", np.zeros(3))
     with pytest.raises(ObservationError, match="single array"):
         load_observations(tmp_path / "single.npy")
+    (tmp_path / "text.npz").write_text("sensors: {}")
+    with pytest.raises(ObservationError, match="a file of another kind"):
+        load_observations(tmp_path / "text.npz")
 
 
 def test_a_missing_file_is_an_error_in_words(tmp_path: Path) -> None:

@@ -200,6 +200,7 @@ sensors:
         ("on: 1\n", "/rig.yaml:1: YAML reads the key on as True, expected a word"),
         ("a: !!python/name:os.system 1\n", "/rig.yaml:1:4: not valid YAML"),
         ("a: 1\n---\nb: 2\n", "/rig.yaml:2:1: not valid YAML"),
+        ("format: rigcal-verdict\n", "/rig.yaml:1: format: found 'rigcal-verdict', expected a rig"),
     ],
 )
 def test_file_that_is_no_rig(tmp_path: Path, text: str, message: str) -> None:

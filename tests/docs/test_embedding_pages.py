@@ -92,7 +92,7 @@ def test_a_node_calibrates_from_live_messages(
     rig = rigcal.parse_rig(_rig(), registry)
     assert live_calibration.ros_type(registry.sensor_type("camera")) == "sensor_msgs/msg/Image"
     live = live_calibration.LiveCalibration(rig, registry)
-    assert "did not see the target" in live.on_calibrate()
+    assert "there is no observation of sensor" in live.on_calibrate()
     assert live.on_capture() == "exposure 0000: the board was seen by no sensor"
     with open_recording(accepted) as recording:
         streams = [recording.read(Source(topic=s.topic)) for s in rig.sensors.values()]

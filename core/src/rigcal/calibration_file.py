@@ -18,8 +18,8 @@ from rigcal.calibration import (
     ResidualStatistics,
     SensorResult,
 )
-from rigcal.calibration_text import CONVENTION, calibration_text
-from rigcal.document import Problems, read_document
+from rigcal.calibration_text import CONVENTION, FORMAT, calibration_text
+from rigcal.document import Problems, check_format, read_document
 from rigcal.files import write_text
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -140,6 +140,7 @@ def load_calibration(path: Path | str) -> Calibration:
     ConfigError with file, line and key for all that is wrong in it.
     """
     document = read_document(path, "a calibration")
+    check_format(document, FORMAT, "a calibration")
     problems = Problems(document)
     file = problems.validate(_File, document.data)
     if file is not None:

@@ -121,6 +121,24 @@ def read_document(path: Path | str, holds: str) -> Document:
     return Document(str(path), data, lines)
 
 
+def check_format(document: Document, expected: str | None, holds: str) -> None:
+    """ConfigError for a file of another kind than `holds`, told by its key `format`.
+
+    One line for all, instead of one for every key that the kinds do not share. `expected` is None
+    for a kind that names no format.
+    """
+    found = document.data.get("format")
+    if expected is None and isinstance(found, str) and found.startswith("rigcal-"):
+        raise ConfigError(f"{document.where(('format',))}: found '{found}', expected {holds}")
+    if expected is not None and found is None:
+        raise ConfigError(
+            f"{document.name}: key 'format' is missing, expected {holds} with `format: {expected}`"
+        )
+    if expected is not None and found != expected:
+        place = document.where(("format",))
+        raise ConfigError(f"{place}: found {describe(found)}, expected '{expected}', {holds}")
+
+
 def _walk(
     loader: yaml.SafeLoader, node: yaml.Node, path: Place, lines: dict[Place, int], name: str
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from rigcal.belonging import check_observations
 from rigcal.calibration import Calibration, SensorResult
 from rigcal.diagnosis.observability import judge
 from rigcal.diagnosis.verdict import Verdict
@@ -87,14 +88,14 @@ def pairwise_calibration(stages: Stages) -> Calibration:
 
 
 def _task(rig: Rig, registry: Registry, observations: Sequence[Observation]) -> Task:
-    unknown = sorted({o.sensor for o in observations} - set(rig.sensors))
-    if unknown:
-        raise ObservationError(
-            f"observations of {', '.join(unknown)}, which the rig does not name "
-            f"(it has {', '.join(rig.sensors)}); use the rig file they were made with"
-        )
+    check_observations(rig, observations)
     for sensor in rig.sensors:
         own = [o for o in observations if o.sensor == sensor]
+        if not own:
+            raise ObservationError(
+                f"there is no observation of sensor '{sensor}'; record it with the others, or take "
+                "it out of the rig"
+            )
         if not any(o.candidates for o in own):
             reasons = sorted({o.reason for o in own})[:3]
             why = f", for example: {'; '.join(reasons)}" if reasons else ""

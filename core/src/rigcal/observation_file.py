@@ -115,10 +115,10 @@ def load_observations(path: Path | str) -> tuple[tuple[Observation, ...], dict[s
     path = Path(path)
     try:
         with path.open("rb") as file:
-            archive = np.load(file, allow_pickle=False)
-            if isinstance(archive, np.ndarray):
-                raise ValueError("it holds a single array")
-            with archive:
+            if not zipfile.is_zipfile(file):
+                raise ValueError("a single array, a file of another kind, or one that breaks off")
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as archive:
                 return _decode(archive)
     except ObservationError as error:
         raise ObservationError(f"{path}: {error}") from error

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from rigcal.document import Document, Problems, describe, read_document
+from rigcal.document import Document, Problems, check_format, describe, read_document
 from rigcal.errors import ConfigError, PluginError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -91,7 +91,9 @@ class _RigFile(BaseModel):
 
 def load_rig(path: Path | str, registry: Registry) -> Rig:
     """The rig in a YAML file; ConfigError with file, line and key for all that is wrong in it."""
-    return _parse(read_document(path, "a rig"), registry)
+    document = read_document(path, "a rig")
+    check_format(document, None, "a rig file, which names no format")
+    return _parse(document, registry)
 
 
 def parse_rig(mapping: Mapping[str, Any], registry: Registry) -> Rig:

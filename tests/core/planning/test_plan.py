@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rigcal.errors import ConfigError
+from rigcal.calibration import Calibration, SensorResult
+from rigcal.errors import ConfigError, ObservationError
 from rigcal.estimation import calibrate
 from rigcal.geometry import se3
 from rigcal.graph.method import Method
@@ -231,6 +232,16 @@ def test_poses_of_a_calibration_will_do(bench, make_boards):
     expected = plan(bench.rig(*ALL), bench.registry, exposures=(20,)).predicted[20]
     for name in ALL[1:]:
         assert predicted[name].size == pytest.approx(expected[name].size, rel=0.3)
+
+
+def test_what_was_made_with_another_rig_is_not_passed_over(bench, make_boards):
+    rig = bench.rig("gauge", "left")
+    seen = bench.observe(bench.rig(*ALL), make_boards(np.random.default_rng(8), 4))
+    with pytest.raises(ObservationError, match="which the rig does not name"):
+        plan(rig, bench.registry, seen)
+    other = Calibration("gauge", {n: SensorResult("gauge", np.eye(4)) for n in ("gauge", "right")})
+    with pytest.raises(ConfigError, match="of gauge, right places none of left of this rig"):
+        plan(rig, bench.registry, calibration=other)
 
 
 def test_the_same_seed_gives_the_same_plan(bench, make_boards):

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from rigcal.calibration import Calibration, SensorResult
-from rigcal.errors import ConfigError, InputError
+from rigcal.errors import ConfigError, InputError, ObservationError
+from rigcal.observation import Observation
+from rigcal.plugin import SensorConfig
 from rigcal.report import show_timeline, write_timeline
+from rigcal.rig import Rig
 
 
 @pytest.fixture
@@ -23,6 +26,31 @@ def test_it_says_what_to_install(tmp_path):
     with pytest.raises(ConfigError, match=r'pip install "rigcal\[view\]"'):
         show_timeline(calibration, [], None, None)
     assert not (tmp_path / "line.rrd").exists()
+
+
+def _calibration(root, *others):
+    return Calibration(root, {name: SensorResult(root, np.eye(4)) for name in (root, *others)})
+
+
+def test_what_was_made_with_another_rig_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", object())
+    path = tmp_path / "line.rrd"
+    rig = Rig("cart", "a", {}, {"a": SensorConfig(type="eye"), "b": SensorConfig(type="eye")})
+    own, other = _calibration("a", "b"), _calibration("a", "left")
+    seen = Observation("left", "0000", 0, "left/0000.png", (), "")
+    with pytest.raises(ObservationError, match=r"of left, which the rig does not name \(it has a,"):
+        write_timeline(path, own, [seen], rig, None)
+    with pytest.raises(ConfigError, match="of a, left places none of b of this rig"):
+        write_timeline(path, other, [], rig, None)
+    with pytest.raises(ConfigError, match="of a, left places none of b of this rig"):
+        write_timeline(path, own, [], rig, None, before=other)
+    assert not path.exists()
+
+
+def test_a_file_that_the_viewer_would_not_know(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", object())
+    with pytest.raises(InputError, match=r"line\.txt: expected a file that ends in \.rrd"):
+        write_timeline(tmp_path / "line.txt", _calibration("a"), [], None, None)
 
 
 def test_a_folder_that_is_not_there(tmp_path, monkeypatch):

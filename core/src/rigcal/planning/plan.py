@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigcal.belonging import check_calibration, check_observations
 from rigcal.calibration import Calibration
 from rigcal.errors import ConfigError
 from rigcal.geometry.se3 import Array
@@ -55,9 +56,12 @@ def plan(
     calibrated first, and go before them. Of sensor types that simulate, residuals at simulated
     observations say what a board pose would tell; others are named in `Plan.unplanned`. Numbers
     that the rig asks to refine are unknown beside the poses. ConfigError for sensors whose pose
-    nothing tells, and if no two sensors see a board at a common place; other errors as of
-    `calibrate`. The same input and seed give the same plan.
+    nothing tells, for a calibration of another rig, and if no two sensors see a board at a common
+    place; other errors as of `calibrate`. The same input and seed give the same plan.
     """
+    if calibration is not None:
+        check_calibration(rig, calibration)
+    check_observations(rig, observations or ())
     if observations is None:
         so_far = nothing_recorded(rig, registry, calibration)
     else:

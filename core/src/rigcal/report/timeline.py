@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigcal.belonging import check_calibration, check_observations
 from rigcal.calibration import Calibration
 from rigcal.errors import ConfigError, InputError
 from rigcal.exposures import name_in_result
+from rigcal.files import replacing
 from rigcal.fusing.colour import by_range
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -51,18 +53,23 @@ def write_timeline(
     """Write a file (.rrd) for the viewer rerun: rig, boards, images, scans, clouds per exposure.
 
     Everything stands twice if there is a calibration `before`. Frames are shown where there is a
-    recording. ConfigError if rerun is not installed (`pip install "rigcal[view]"`), InputError if
-    the file cannot be written, RecordingError if the recording cannot be read.
+    recording. ConfigError if rerun is not installed (`pip install "rigcal[view]"`), and for a
+    calibration of another rig; InputError if the file cannot be written, RecordingError if the
+    recording cannot be read. Then the file stays as it was.
     """
     rerun = _rerun()
     target = Path(path)
+    if target.suffix.lower() != ".rrd":
+        raise InputError(f"{target}: expected a file that ends in .rrd, by which rerun knows it")
     if not target.parent.is_dir():
         raise InputError(f"{target}: there is no folder {target.parent}")
+    _check(rig, observations, calibration, before)
     stream = rerun.RecordingStream("rigcal")
-    stream.save(target)
-    with _flushed(stream):
-        scene = _Scene(stream, rig, registry, observations)
-        scene.fill(calibration, before, recording, progress)
+    with replacing(target) as file:
+        stream.save(file)
+        with _flushed(stream):
+            scene = _Scene(stream, rig, registry, observations)
+            scene.fill(calibration, before, recording, progress)
 
 
 def show_timeline(
@@ -75,11 +82,25 @@ def show_timeline(
     progress: Progress | None = None,
 ) -> None:
     """The same in rerun's own window, which stays when the call returns. Errors as there."""
-    stream = _rerun().RecordingStream("rigcal")
+    rerun = _rerun()
+    _check(rig, observations, calibration, before)
+    stream = rerun.RecordingStream("rigcal")
     stream.spawn()
     with _flushed(stream):
         scene = _Scene(stream, rig, registry, observations)
         scene.fill(calibration, before, recording, progress)
+
+
+def _check(
+    rig: Rig,
+    observations: Sequence[Observation],
+    calibration: Calibration,
+    before: Calibration | None,
+) -> None:
+    check_observations(rig, observations)
+    check_calibration(rig, calibration)
+    if before is not None:
+        check_calibration(rig, before)
 
 
 def _rerun() -> Any:

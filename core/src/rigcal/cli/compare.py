@@ -63,7 +63,7 @@ def load_poses(path: Path) -> Calibration:
 def _show(comparison: Comparison) -> None:
     rows = []
     for name, change in comparison.sensors.items():
-        x, y, z = (f"{value * 1e3:.2f}" for value in change.T_before_after[:3, 3])
+        x, y, z = (f"{round(value * 1e3, 2) + 0.0:.2f}" for value in change.T_before_after[:3, 3])
         rows.append(
             (
                 name,

@@ -48,11 +48,15 @@ def init(
         print_json({"rig": str(out), "root": rig.root, "sensors": list(rig.sensors)})
     elif not quiet:
         print_line(f"{out}: {', '.join(rig.sensors)} (root {rig.root})")
-        print_line("FILL IN in the file what it says: the target, at least.")
+        print_line("Edit it where it says FILL IN: the target, at least.")
 
 
 def _file(source: str) -> tuple[Path, str | None]:
+    from rigcal.errors import InputError
+
     name, equals, path = source.partition("=")
+    if equals and not path:
+        raise InputError(f"--from {source}: expected a file after the '='")
     if equals and not Path(source).exists():
         return Path(path), name
     return Path(source), None

@@ -96,7 +96,7 @@ def _show(plan: Plan) -> None:
     for sensor, why in plan.unplanned.items():
         print_line(f"{sensor} is not planned for: {why}.")
     if plan.recorded is None:
-        columns = [f"{n} exposures" for n in plan.predicted]
+        columns = [f"{n} exposure{'s' * (n > 1)}" for n in plan.predicted]
         _show_sigmas(
             f"Predicted sigma (mm, deg) as seen from {plan.reference}, with board poses spread "
             "over the views of all sensors",
@@ -133,8 +133,10 @@ def _show_proposals(plan: Plan) -> None:
 
 
 def _cell(sigma: Sigma) -> str:
-    """0.28 mm, 0.015 deg."""
+    """`0.28 mm, 0.015 deg`; `open` if neither is determined."""
     mm, deg = 1e3 * sigma.translation_m, math.degrees(sigma.rotation_rad)
+    if not math.isfinite(mm) and not math.isfinite(deg):
+        return "open"
     return ", ".join(
         f"{value:.2g} {unit}" if math.isfinite(value) else f"open ({unit})"
         for value, unit in ((mm, "mm"), (deg, "deg"))

@@ -45,7 +45,7 @@ def view(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Look at a calibration and its recording in 3D, exposure by exposure (needs rigcal[view])."""
+    """Look at a calibration and its recording in 3D, exposure by exposure (needs rerun)."""
     from rigcal.calibration_file import load_calibration
     from rigcal.plugin.registry import Registry
     from rigcal.report import show_timeline, write_timeline

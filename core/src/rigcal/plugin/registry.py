@@ -152,7 +152,8 @@ class Registry:
             except PluginError as error:
                 self._leave_out(one, str(error))
             except (Exception, SystemExit) as error:
-                self._leave_out(one, f"importing it failed with {type(error).__name__}: {error}")
+                text = " ".join(str(error).split())
+                self._leave_out(one, f"importing it failed with {type(error).__name__}: {text}")
             else:
                 self._take(one, offer)
 

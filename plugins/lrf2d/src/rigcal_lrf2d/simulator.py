@@ -35,8 +35,8 @@ def beam_angles(config: Lrf2dConfig) -> Array:
     ]
     if low is None or high is None or step is None:
         raise ConfigError(
-            f"an lrf2d sensor lacks {', '.join(missing)}: to simulate it, write for example "
-            "angle_min_deg: -135.0, angle_max_deg: 135.0, angle_step_deg: 0.25"
+            f"an lrf2d sensor lacks {', '.join(missing)}: to simulate it, or to plan for it, "
+            "write for example angle_min_deg: -135.0, angle_max_deg: 135.0, angle_step_deg: 0.25"
         )
     count = int(np.floor((high - low) / step + 1e-6)) + 1
     result: Array = np.radians(low + step * np.arange(count))

@@ -35,7 +35,7 @@ def simulate(
     """
     if config.scan is None:
         raise ConfigError(
-            "an lrf3d sensor lacks `scan`: to simulate it, write for example "
+            "an lrf3d sensor lacks `scan`: to simulate it, or to plan for it, write for example "
             "scan: {pattern: multibeam, elevations_deg: [-15, -13, 13, 15], azimuth_step_deg: 0.2}"
         )
     origins, directions = beams_of(config.scan, rng)

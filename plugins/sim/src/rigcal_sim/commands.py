@@ -135,7 +135,11 @@ def _show(summary: Summary) -> None:
         [(topic, str(count)) for topic, count in summary.messages.items()],
     )
     for path in (*summary.recordings, summary.truth):
-        print_line(f"{path}  {path.stat().st_size / 1e6:.1f} MB")
+        print_line(f"{path}  {_size(path.stat().st_size)}")
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e6:.1f} MB" if count >= 1e5 else f"{count / 1e3:.1f} kB"
 
 
 def _title(summary: Summary) -> str:

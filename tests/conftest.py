@@ -126,14 +126,11 @@ def lay_out() -> Callable[[Path], Path]:
     return run
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With pytest-xdist (`-n 2 --dist loadgroup`): what shares fixtures goes to one process.
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """What shares fixtures goes to one process of pytest-xdist.
 
     That is a file, and where a folder has recordings that its files share, the folder.
     """
-    if not config.pluginmanager.hasplugin("xdist"):
-        return
-    for item in items:
-        folder = item.path.parent
-        shared = (folder / "conftest.py").is_file() and folder.parent.name == "integration"
-        item.add_marker(pytest.mark.xdist_group(str(folder if shared else item.path)))
+    folder = item.path.parent
+    shared = (folder / "conftest.py").is_file() and folder.parent.name == "integration"
+    item.add_marker(pytest.mark.xdist_group(str(folder if shared else item.path)))

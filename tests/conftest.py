@@ -124,13 +124,3 @@ def lay_out() -> Callable[[Path], Path]:
         return source
 
     return run
-
-
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """What shares fixtures goes to one process of pytest-xdist.
-
-    That is a file, and where a folder has recordings that its files share, the folder.
-    """
-    folder = item.path.parent
-    shared = (folder / "conftest.py").is_file() and folder.parent.name == "integration"
-    item.add_marker(pytest.mark.xdist_group(str(folder if shared else item.path)))

@@ -12,18 +12,16 @@ from typing import Any
 import pytest
 
 from rigcal import Registry, calibrate, calibration_of_poses, detect, load_rig, write_timeline
-from rigcal.cli import main
 from rigcal.observation import Observation
 
 RIG = Path(__file__).parents[1] / "integration" / "pipeline" / "cart.yaml"
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory: pytest.TempPathFactory, command: Any) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
-    with pytest.raises(SystemExit) as done:
-        main(["simulate", str(RIG), "--out", str(folder), "--poses", "15", "--seed", "2", "-q"])
-    assert done.value.code == 0
+    options = ("--poses", 15, "--seed", 2, "-q")
+    assert command("simulate", RIG, "--out", folder, *options).code == 0
     return folder / "recording.mcap"
 
 

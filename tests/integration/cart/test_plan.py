@@ -2,12 +2,12 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 import yaml
 
-from rigcal.cli import main
 from rigcal.errors import NotDeterminedError
 from rigcal.estimation import calibrate
 from rigcal.observation_file import save_observations
@@ -19,14 +19,8 @@ UPRIGHT = (0.0, 0.0, 0.6)
 
 
 @pytest.fixture
-def run(capsys):
-    def run(*arguments):
-        with pytest.raises(SystemExit) as caught:
-            main(["plan", *map(str, arguments)])
-        output = capsys.readouterr()
-        return caught.value.code or 0, output.out, output.err
-
-    return run
+def run(command):
+    return partial(command, "plan")
 
 
 @pytest.fixture

@@ -47,7 +47,7 @@ def rendered(path: Path) -> Any:
 
 @pytest.mark.parametrize("suffix", [".pdf", ".ps"])
 def test_tags_and_ruler_measure_what_the_rig_file_says(
-    suffix: str, board: Target, tmp_path: Path, printed_page: Any
+    suffix: str, board: Target, tmp_path: Path, printed_page: Any, write: Callable[[Path], None]
 ) -> None:
     path = tmp_path / f"board{suffix}"
     write(path)
@@ -66,7 +66,7 @@ def test_tags_and_ruler_measure_what_the_rig_file_says(
 
 
 def test_pdftotext_finds_a_definition_that_builds_the_same_target(
-    board: Target, tmp_path: Path, definition_in: Any
+    board: Target, tmp_path: Path, definition_in: Any, write: Callable[[Path], None]
 ) -> None:
     path = tmp_path / "board.pdf"
     write(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, NoReturn
 
@@ -57,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     verbose = any(argument in _VERBOSE for argument in given)
     given = [argument for argument in given if argument not in _VERBOSE]
     _log_to_stderr(logging.DEBUG if verbose else logging.WARNING)
+    # loky replaces workers that have grown; nobody can do anything about it, or need to.
+    warnings.filterwarnings("ignore", "A worker was restarted", UserWarning)
     try:
         make_app(Registry.from_entry_points(hooks=("rigcal_commands",)))(given)
     except RigcalError as error:

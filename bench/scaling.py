@@ -84,8 +84,12 @@ def main():
     for sensors in arguments.sensors:
         for exposures in arguments.exposures:
             command = [sys.executable, __file__, "--only", str(sensors), str(exposures)]
-            answer = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
-            edges, seconds, megabytes = json.loads(answer)
+            done = subprocess.run(command, check=False, capture_output=True, text=True)
+            if done.returncode:
+                problem = done.stderr.strip().splitlines()[-1]
+                print(f"{sensors:7} {exposures:9} {problem[:80]}", flush=True)
+                continue
+            edges, seconds, megabytes = json.loads(done.stdout)
             each = 1000 * seconds / edges
             print(
                 f"{sensors:7} {exposures:9} {edges:7} {seconds:9.2f} {each:8.2f} {megabytes:6.0f}",

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,20 @@ def test_before_and_after_stand_side_by_side(tmp_path, recorded, found):
     assert rows["/rig/before/lidar/points"] == rows["/rig/after/lidar/points"] > 0
     assert rows["/images/left/before/lidar"] == rows["/images/left/after/lidar"] > 0
     assert rows["/rig/before/boards"] == 0, "poses alone say nothing of boards"
+
+
+def test_a_tree_that_hangs_from_another_root_is_put_in_place(tmp_path, recorded, found):
+    """And a sensor that the calibration does not have is left out."""
+    rig, registry, observations, calibration = found
+    path = tmp_path / "line.rrd"
+    before = calibration_of_poses(replace(rig, root="left"))
+    few = {name: s for name, s in calibration.sensors.items() if name != "scan"}
+    part = replace(calibration, sensors=few)
+    write_timeline(path, part, observations, rig, registry, recorded, before)
+    rows = entities(path)
+    assert rows["/rig/before"] == 1
+    assert rows["/rig/after/lidar/points"] > 0
+    assert rows["/rig/after/scan/points"] == 0
 
 
 def test_without_a_recording_the_rig_and_its_boards_are_shown(tmp_path, found):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,8 @@ from rigcal.geometry.se3 import Array
 
 if TYPE_CHECKING:
     from rigcal.plugin.contract import SensorConfig, SensorType
+    from rigcal.plugin.registry import Registry
+    from rigcal.rig import Rig
     from rigcal.targets.target import Target
 
 
@@ -70,6 +72,16 @@ def as_refined(config: SensorConfig, kind: SensorType, result: SensorResult) -> 
         values = np.array([result.refined[n].value for n in refinable.parameters(config).names])
         config = refinable.apply(config, values)
     return config.model_copy(update={"refine": ()})
+
+
+def rig_as_refined(rig: Rig, registry: Registry, calibration: Calibration) -> Rig:
+    """The rig with the numbers that a calibration of it refined."""
+    found = {
+        name: as_refined(rig.sensors[name], registry.sensor_type(rig.sensors[name].type), result)
+        for name, result in calibration.sensors.items()
+        if result.refined and name in rig.sensors
+    }
+    return replace(rig, sensors={**rig.sensors, **found})
 
 
 def as_bent(target: Target, refined: Mapping[str, RefinedNumber]) -> Target:

@@ -39,8 +39,8 @@ def detect(
     throughout the recording is background and no candidate. Where the target is held still, a few
     frames a second tell when; then a few more of each exposure are looked at, and those of one
     sensor are combined. `jobs` processes share the frames (default: one per core; 1 stays in this
-    process). The result does not depend on it. RecordingError when a source is
-    missing, or when no frame of a sensor can be read.
+    process). The result does not depend on it. RecordingError when a source is missing, or when no
+    frame of a sensor can be read.
     """
     streams = streams_of(rig, registry, Path(recording))
     every = {name: np.arange(len(s.times_ns)) for name, s in streams.items()}

@@ -16,7 +16,7 @@ import typer
 from rigcal import __version__
 from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
 from rigcal.calibration_file import load_calibration, save_calibration
-from rigcal.errors import ConfigError, InputError, NotConnectedError, RecordingError
+from rigcal.errors import InputError, NotConnectedError, RecordingError
 from rigcal.observation import Candidate, Detection, Observation, PointGeometry
 from rigcal.observation_file import load_observations
 from rigcal.plugin import SensorConfig, SensorType, hookimpl
@@ -188,7 +188,6 @@ def test_data_without_an_answer_exit_1_and_keep_the_observations(
 @pytest.mark.parametrize(
     ("module", "function", "error", "status", "left"),
     [
-        ("rigcal.rig", "load_rig", ConfigError("no such key"), 2, set()),
         ("rigcal.detection", "detect", RecordingError("cut short"), 2, set()),
         ("rigcal.estimation", "calibrate", MemoryError(), 1, {"observations.npz"}),
         (
@@ -220,6 +219,18 @@ def test_a_run_that_fails_leaves_nothing_of_the_one_before(
     assert command("calibrate", "rig.yaml", "recording", "--out", "r").code == status
     assert {p.name for p in out.iterdir()} == left | {"notes.txt"}
     assert all(b"before" not in (out / name).read_bytes() for name in left)
+
+
+@pytest.mark.parametrize("mistyped", [("rig.yml", "recording"), ("rig.yaml", "recordin")])
+def test_a_mistyped_name_costs_no_result(
+    mistyped: tuple[str, str], place: Path, command: Any
+) -> None:
+    (place / "r").mkdir()
+    kept = {"calibration.yaml", "observations.npz", "report.html", "verdict.yaml"}
+    for name in kept:
+        (place / "r" / name).write_text("of the run before")
+    assert command("calibrate", *mistyped, "--out", "r").code == 2
+    assert {p.name for p in (place / "r").iterdir()} == kept
 
 
 def test_observations_in_the_folder_itself_are_calibrated_again(

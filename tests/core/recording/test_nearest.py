@@ -67,3 +67,8 @@ def test_in_every_kind_of_bag(bag: Path) -> None:
             assert abs(nearest_message(recording, source, wanted).stamp_ns - wanted) == best
         with pytest.raises(RecordingError, match="'/frnt' is not in the recording"):
             nearest_message(recording, Source("/frnt"), 0)
+
+
+@pytest.mark.parametrize("kind", [Untimed, Timed])
+def test_of_a_source_without_messages_there_is_none(kind: type[Untimed]) -> None:
+    assert nearest_message(kind([]), Source("/x"), 7) is None

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from rigcal.errors import Cancelled, ConfigError
-from rigcal.geometry import se3
-from rigcal.observation import PoseGeometry
 from rigcal.resampling import cross_validate
 
 TWO = {"lidar": ("plane", 0.0), "cam": ("pose", 0.0)}
@@ -39,22 +37,13 @@ def test_every_exposure_is_held_out_once(make_ring):
     assert max(sizes) - min(sizes) <= 1
 
 
-def test_boards_that_tremble_beyond_the_stated_noise_do_not_hold(make_ring):
+def test_boards_that_tremble_beyond_the_stated_noise_do_not_hold(make_ring, trembling):
     """What an exposure's measurements err alike is not in a covariance from the stated noise."""
     ring, rng = make_ring(3, THREE, count=90), np.random.default_rng(0)
     rig = replace(ring.rig, noise="configured")
-    moved = tuple(trembling(o, rng) if o.sensor != "lidar" else o for o in ring.observations)
+    moved = tuple(trembling(o, rng, 0.008) if o.sensor != "lidar" else o for o in ring.observations)
     assert cross_validate(rig, ring.registry, ring.observations, folds=3).holds
     assert not cross_validate(rig, ring.registry, moved, folds=3).holds
-
-
-def trembling(o, rng):
-    shift = se3.exp(np.append(np.zeros(3), rng.normal(0, 0.008, 3)))
-    candidates = [
-        replace(c, geometry=PoseGeometry(c.geometry.T_s_t @ shift, c.geometry.covariance))
-        for c in o.candidates
-    ]
-    return replace(o, candidates=tuple(candidates))
 
 
 def test_what_rests_on_a_few_exposures_is_named(make_ring):

@@ -76,10 +76,12 @@ def calibrate(
     from rigcal.rig import load_rig
     from rigcal.second_look import found_again, look_again
 
-    _clear(out, data)
+    make_folder(out)
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)
     method = Method(formulation, not no_filter, initial, accept_weak)
+    if data.exists():  # a mistyped name costs nobody a result
+        _clear(out, data)
     with progress_bar(quiet or json) as progress, _verdict_of_failure(out):
         observations, about = _observations(rig, registry, rig_file, data, out, progress, jobs)
         calibration = estimate(rig, registry, observations, seed, progress, method)
@@ -110,15 +112,14 @@ def calibrate(
 
 
 def _clear(out: Path, data: Path) -> None:
-    """Make the folder, without the results of an earlier run: if this one fails, however it does,
-    they would pass for its own.
+    """Remove the results of an earlier run: if this one fails, however it does, they would pass for
+    its own.
     """
     from rigcal.errors import InputError
 
-    make_folder(out)
     for name in ("calibration.yaml", "observations.npz", "report.html", "verdict.yaml"):
         path = out / name
-        if path.exists() and not (data.exists() and path.samefile(data)):
+        if path.exists() and not path.samefile(data):
             try:
                 path.unlink()
             except OSError as error:

@@ -10,17 +10,19 @@ import typer
 from rigcal.cli.output import Json, Quiet, print_json, print_line
 from rigcal.cli.progress import progress_bar
 
+Recorded = Annotated[Path, typer.Argument(metavar="RECORDING", help="A bag, or a folder of files.")]
+Calibrated = Annotated[
+    Path, typer.Argument(metavar="CALIBRATION", help="calibration.yaml of the rig.")
+]
+RigOption = Annotated[
+    Path, typer.Option("--rig", metavar="RIG", help="The rig file: topics and lenses.")
+]
+
 
 def fuse(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A bag, or a folder of files.")
-    ],
-    calibration: Annotated[
-        Path, typer.Argument(metavar="CALIBRATION", help="calibration.yaml of the rig.")
-    ],
-    rig_file: Annotated[
-        Path, typer.Option("--rig", metavar="RIG", help="The rig file: topics and lenses.")
-    ],
+    recording: Recorded,
+    calibration: Calibrated,
+    rig_file: RigOption,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the cloud and pictures.")
     ],

@@ -7,24 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rigcal.cli.compare import load_poses
+from rigcal.cli.fuse import Calibrated, Recorded, RigOption
 from rigcal.cli.output import Quiet, print_line
 from rigcal.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from rigcal.calibration import Calibration
     from rigcal.observation import Observation
 
 
 def view(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A bag, or a folder of files.")
-    ],
-    calibration: Annotated[
-        Path, typer.Argument(metavar="CALIBRATION", help="calibration.yaml of the rig.")
-    ],
-    rig_file: Annotated[
-        Path, typer.Option("--rig", metavar="RIG", help="The rig file: topics and lenses.")
-    ],
+    recording: Recorded,
+    calibration: Calibrated,
+    rig_file: RigOption,
     observations: Annotated[
         Path | None,
         typer.Option(
@@ -55,7 +50,7 @@ def view(
     rig = load_rig(rig_file, registry)
     found = load_calibration(calibration)
     seen = _observations(observations or calibration.parent / "observations.npz")
-    earlier = _poses(before) if before is not None else None
+    earlier = load_poses(before) if before is not None else None
     with progress_bar(quiet) as progress:
         if save is None:
             show_timeline(found, seen, rig, registry, recording, earlier, progress)
@@ -75,9 +70,3 @@ def _observations(path: Path) -> list[Observation]:
             "--observations (`rigcal calibrate` writes them beside it)"
         )
     return list(load_observations(path)[0])
-
-
-def _poses(path: Path) -> Calibration:
-    from rigcal.cli.compare import load_poses
-
-    return load_poses(path)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
-from rigcal.calibration import Calibration, as_refined
+from rigcal.calibration import Calibration, rig_as_refined
 from rigcal.errors import InputError, PluginError, RigcalError
 from rigcal.exporting.exporter import Exported
 from rigcal.files import write_text
@@ -67,12 +66,7 @@ def _as_calibrated(calibration: Calibration, rig: Rig, registry: Registry) -> Ri
             f"the calibration has {', '.join(unknown)}, which the rig does not "
             f"(it has {', '.join(rig.sensors)}); use the rig file that it was made with"
         )
-    found = {
-        name: as_refined(rig.sensors[name], registry.sensor_type(rig.sensors[name].type), result)
-        for name, result in calibration.sensors.items()
-        if result.refined
-    }
-    return replace(rig, sensors={**rig.sensors, **found})
+    return rig_as_refined(rig, registry, calibration)
 
 
 def _check(form: str, text: object) -> None:

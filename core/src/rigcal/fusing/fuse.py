@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigcal.calibration import Calibration, as_refined
+from rigcal.calibration import Calibration, rig_as_refined
 from rigcal.errors import ConfigError
 from rigcal.fusing.colour import Image, dots_by_range, sample, visible
 from rigcal.fusing.moment import moment
@@ -63,7 +63,7 @@ def fuse(
     _check(rig, calibration)
     leader = _leader(rig, registry)
     messages = moment(rig, registry, recording, leader, number)
-    rig = _as_refined(rig, registry, calibration)
+    rig = rig_as_refined(rig, registry, calibration)
     views = {name: _view(rig, registry, name, m) for name, m in messages.items()}
     lags = {n: (m.stamp_ns - messages[leader].stamp_ns) * 1e-9 for n, m in messages.items()}
     clouds = {n: _in_root(calibration, n, v) for n, v in views.items() if v.points is not None}
@@ -93,15 +93,6 @@ def _check(rig: Rig, calibration: Calibration) -> None:
             f"the calibration does not place {', '.join(missing)} of this rig "
             f"(it has {', '.join(calibration.sensors)}); give the rig file that it was made with"
         )
-
-
-def _as_refined(rig: Rig, registry: Registry, calibration: Calibration) -> Rig:
-    """The rig with the numbers that its calibration refined."""
-    sensors = {
-        name: as_refined(config, registry.sensor_type(config.type), calibration.sensors[name])
-        for name, config in rig.sensors.items()
-    }
-    return replace(rig, sensors=sensors)
 
 
 def _leader(rig: Rig, registry: Registry) -> str:

@@ -7,12 +7,15 @@ from bisect import bisect_left
 from rigcal.recording.message import Message, Recording, Source, TimedRecording
 
 
-def nearest_message(recording: Recording, source: Source, stamp_ns: int) -> Message:
+def nearest_message(recording: Recording, source: Source, stamp_ns: int) -> Message | None:
     """The message of a source whose stamp is nearest to `stamp_ns`; few messages are read.
 
-    Stamps are taken to rise along the source. RecordingError if the recording does not hold it.
+    None if the source has no message. Stamps are taken to rise along the source. RecordingError if
+    the recording does not hold it.
     """
     count = recording.count(source)
+    if not count:
+        return None
 
     def at(index: int) -> Message:
         return next(iter(recording.read(source, index, index + 1)))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.belonging import check_calibration, check_observations
-from rigcal.calibration import Calibration
+from rigcal.calibration import Calibration, rig_as_refined
 from rigcal.errors import ConfigError, InputError
 from rigcal.exposures import name_in_result
 from rigcal.files import replacing
@@ -26,7 +26,6 @@ from rigcal.progress import Progress
 from rigcal.report.boards import boards_in_root, dense, sorted_exposures
 from rigcal.report.frames import show_frames
 from rigcal.report.scene3d import magnification, reach_of, semi_axes
-from rigcal.report.sensor_errors import config_of
 from rigcal.report.view import rims
 from rigcal.rig import Rig
 
@@ -158,23 +157,19 @@ class _Scene:
         """Everything there is."""
         given = {"after": calibration} | ({"before": before} if before else {})
         solutions = [
-            _Solution(name, c, self._as_refined(c), self._outlines(c)) for name, c in given.items()
+            _Solution(name, c, rig_as_refined(self.rig, self.registry, c), self._outlines(c))
+            for name, c in given.items()
         ]
         reach = _reach(calibration)
         self._layout(reach)
+        self._upright(calibration)
         for solution in solutions:
+            self._place(solution, calibration.root)
             self._rig(solution, reach)
             self._boards(solution)
         number = self._exposures(solutions[0])
         if recording is not None:
             self._frames(calibration, solutions, number, recording, progress)
-
-    def _as_refined(self, c: Calibration) -> Rig:
-        sensors = {
-            name: config_of(c, self.rig, self.registry, name) if name in c.sensors else config
-            for name, config in self.rig.sensors.items()
-        }
-        return replace(self.rig, sensors=sensors)
 
     def _outlines(self, c: Calibration) -> Mapping[str, Array]:
         return boards_in_root(c, self.observations, self.rig, self.registry)
@@ -201,13 +196,21 @@ class _Scene:
     def _log(self, path: Sequence[str], *what: Any, static: bool = False) -> None:
         self.stream.log(list(path), *what, static=static)
 
+    def _upright(self, c: Calibration) -> None:
+        self._log(["rig"], self.rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._log(["rig"], self.rr.Transform3D(mat3x3=_upright(c.up)), static=True)
+
+    def _place(self, solution: _Solution, root: str) -> None:
+        """A tree that hangs from another root stands so that this one is where it is."""
+        c = solution.calibration
+        if root in c.sensors and root != c.root:
+            T = c.T(root, c.root)
+            pose = self.rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
+            self._log(["rig", solution.name], pose, static=True)
+
     def _rig(self, solution: _Solution, reach: float) -> None:
-        """Sensors with axes, fields of view and uncertainty, in the root's frame, z up."""
+        """Sensors with axes, fields of view and uncertainty, in the root's frame."""
         rr, c = self.rr, solution.calibration
-        if solution.name == "after":
-            R = _upright(c.up)
-            self._log(["rig"], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            self._log(["rig"], rr.Transform3D(mat3x3=R), static=True)
         poses = {name: c.T(c.root, name) for name in c.sensors}
         axes = {name: semi_axes(c, name, np.eye(4)) for name in poses}
         times = magnification([a for a in axes.values() if a is not None], _extent(c))
@@ -278,7 +281,8 @@ class _Scene:
 
         def show(o: Observation, view: FrameView) -> None:
             self.stream.set_time("exposure", sequence=number[o.exposure])
-            self.stream.set_time("time", timestamp=1e-9 * o.stamp_ns)
+            if o.stamp_ns:
+                self.stream.set_time("time", timestamp=1e-9 * o.stamp_ns)
             if view.points is not None:
                 p = _thinned(view.points)
                 clouds.setdefault(o.exposure, {})[o.sensor] = p
@@ -293,7 +297,11 @@ class _Scene:
                 for solution in solutions:
                     self._over_image(solution, o, clouds.get(o.exposure, {}))
 
-        wanted = [o for o in self.observations if o.exposure in number and o.origin]
+        wanted = [
+            o
+            for o in self.observations
+            if o.exposure in number and o.origin and o.sensor in calibration.sensors
+        ]
         # Points first: they are laid over the images.
         wanted.sort(key=lambda o: self._kind(o.sensor).project is not None)
         show_frames(recording, calibration, self.rig, self.registry, wanted, show, progress)

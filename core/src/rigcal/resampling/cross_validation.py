@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 
 import numpy as np
 
@@ -209,14 +208,8 @@ def _summary(
 ) -> CrossValidation:
     sensors = {}
     for name in stages.task.rig.sensors:
-        fitted, held_out = (
-            [
-                part
-                for e in explained
-                if (part := residual_statistics(stages.task, side(e), name, full.selections))
-            ]
-            for side in (attrgetter("fitted"), attrgetter("held_out"))
-        )
+        fitted = _statistics(stages, full, name, [e.fitted for e in explained])
+        held_out = _statistics(stages, full, name, [e.held_out for e in explained])
         if fitted:
             count = sum(part.count for part in fitted)
             sensors[name] = HeldOut(fitted[0].unit, count, _pooled(fitted), _pooled(held_out))
@@ -228,6 +221,13 @@ def _summary(
         float(sum(e.expected for e in explained) / fitted_chi2),
         float(np.sqrt(sum(e.variance for e in explained)) / fitted_chi2),
     )
+
+
+def _statistics(
+    stages: Stages, full: Estimate, sensor: str, solutions: Sequence[Solution]
+) -> list[ResidualStatistics]:
+    parts = [residual_statistics(stages.task, s, sensor, full.selections) for s in solutions]
+    return [part for part in parts if part is not None]
 
 
 def _pooled(parts: Sequence[ResidualStatistics]) -> float:

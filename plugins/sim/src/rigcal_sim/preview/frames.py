@@ -19,7 +19,7 @@ def views(
         message = nearest_message(recording, config.source, (start + end) // 2)
         if view is None:
             result[name] = f"sensor type '{config.type}' offers no view"
-        elif not start <= message.stamp_ns <= end:
+        elif message is None or not start <= message.stamp_ns <= end:
             result[name] = "no frame while the board was held still"
         else:
             try:

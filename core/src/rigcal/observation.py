@@ -161,6 +161,11 @@ class Candidate:
         """Whether it has no raw measurements and counts by its geometry and covariance."""
         return "by_hand" in self.measurement
 
+    @property
+    def tells_turn(self) -> bool:
+        """Whether it tells how the target is turned in its own plane, as a pose alone does."""
+        return isinstance(self.geometry, PoseGeometry)
+
 
 @dataclass(frozen=True, eq=False)
 class Detection:

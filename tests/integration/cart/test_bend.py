@@ -14,6 +14,7 @@ from rigcal.geometry import se3
 from rigcal.plugin import hookimpl
 from rigcal.plugin.registry import Registry
 from rigcal.report.sensor_errors import errors_by_sensor
+from rigcal.rig import parse_rig
 
 ALL = ("lidar", "left", "right", "scan")
 NAMES = ("bend_x", "bend_y", "bend_xy")
@@ -69,7 +70,9 @@ def test_the_poses_beside_it_are_as_good_as_they_say(refined, cart):
     squares = np.array([off(result, cart)[0] for result in refined])
     assert squares.mean() == pytest.approx(6, abs=2)
     assert refined[0].sensors["left"].noise_scale == pytest.approx(1.0, rel=0.1)
-    assert refined[0].sensors["left"].residual.rms == pytest.approx(0.2, rel=0.06)
+    rms = {name: sensor.residual.rms for name, sensor in refined[0].sensors.items()}
+    assert rms["left"] == pytest.approx(0.2, rel=0.06)
+    assert [rms["lidar"], rms["scan"]] == pytest.approx([0.01, 0.01], rel=0.06)
 
 
 def test_the_poses_are_better_than_with_a_board_taken_for_flat(refined, cart, recordings):
@@ -155,6 +158,20 @@ def test_exposures_in_which_nobody_sees_the_board_the_right_way_up_are_named(car
     reasons = {(r.sensor, r.exposure): r.reason for r in result.rejected}
     assert "how the board is turned" in reasons["lidar", "3"]
     assert "how the board is turned" in reasons["scan", "5"]
+
+
+def test_a_flat_board_beside_a_bent_one_needs_no_camera(cart, recordings):
+    """The lasers look at a board of their own; the left camera hangs from the lidar as given."""
+    content = cart.content(ALL, ASKED)
+    board = content["targets"]["board"]
+    content["targets"]["plain"] = {k: v for k, v in board.items() if k != "refine"}
+    for name, entry in content["sensors"].items():
+        looks_at = "plain" if name in ("lidar", "scan") else "board"
+        content["sensors"][name] = entry | {"target": looks_at, "fixed": name == "left"}
+    rig = parse_rig(content, cart.registry)
+    result = calibrate(rig, cart.registry, recordings[0])
+    assert result.sensors["scan"].inliers > 15
+    assert not [r for r in result.rejected if "how the board is turned" in r.reason]
 
 
 def test_sensors_that_cannot_tell_a_bend_are_named(cart):

@@ -25,7 +25,7 @@ def onto_bend(points: Array, bend: Array) -> Array:
 
 
 def range_to_bend(origins: Array, directions: Array, bend: Array) -> Array:
-    """(N,) ranges at which rays in the target's frame meet the bent face; not finite for none.
+    """(N,) ranges at which rays in the target's frame meet the bent face; infinite for none.
 
     origins (3,) or (N, 3), unit directions (N, 3). Newton's method, from the plane z = 0.
     """
@@ -37,4 +37,5 @@ def range_to_bend(origins: Array, directions: Array, bend: Array) -> Array:
             p = origins + t[:, None] * directions
             slope = directions[:, 2] - np.einsum("ni,ij,nj->n", p[:, :2], C, directions[:, :2])
             t = t - (p[:, 2] - height_by_bend(p) @ bend) / slope
-    return t
+    result: Array = np.where(np.isfinite(t), t, np.inf)
+    return result

@@ -19,7 +19,7 @@ from rigcal.graph.selection import Selection, first_board, select
 from rigcal.graph.solve import TURN_IS_OPEN, Solution, estimate
 from rigcal.graph.stages import Stages
 from rigcal.graph.task import Task
-from rigcal.observation import Observation, PoseGeometry
+from rigcal.observation import Candidate, Observation
 from rigcal.progress import Progress
 
 # Two runs to one minimum end this close to each other, in standard deviations.
@@ -140,18 +140,21 @@ def _select(stages: Stages, *, filtered: bool) -> tuple[dict[str, Selection], di
             answer = _all_of(seen, everything[exposure], stages.T_root, answer)
         if isinstance(answer, str):
             refused[exposure] = answer
-        elif target.may_bend and not any(_in_plane(task, exposure, answer)):
+        elif target.may_bend and not _tells_turn(task, exposure, answer):
             refused[exposure] = TURN_IS_OPEN
         else:
             selections[exposure] = answer
     return selections, refused
 
 
-def _in_plane(task: Task, exposure: str, selection: Selection) -> list[bool]:
-    """Which of the chosen candidates tell where the board is in its own plane."""
+def _tells_turn(task: Task, exposure: str, selection: Selection) -> bool:
+    return any(c.tells_turn for c in _chosen(task, exposure, selection).values())
+
+
+def _chosen(task: Task, exposure: str, selection: Selection) -> dict[str, Candidate]:
+    """The chosen candidate of every sensor."""
     seen = task.exposures[exposure]
-    chosen = [seen[s].candidates[i].geometry for s, i in selection.chosen.items()]
-    return [isinstance(g, PoseGeometry) for g in chosen]
+    return {sensor: seen[sensor].candidates[i] for sensor, i in selection.chosen.items()}
 
 
 def _all_of(
@@ -169,10 +172,7 @@ def _all_of(
 
 def _edges(task: Task, selections: Mapping[str, Selection]) -> list[SensorTargetEdge]:
     return [
-        SensorTargetEdge(sensor, exposure, task.residual(sensor, candidate), in_plane=in_plane)
+        SensorTargetEdge(sensor, exposure, task.residual(sensor, c), in_plane=c.tells_turn)
         for exposure, selection in selections.items()
-        for (sensor, i), in_plane in zip(
-            selection.chosen.items(), _in_plane(task, exposure, selection), strict=True
-        )
-        for candidate in [task.exposures[exposure][sensor].candidates[i]]
+        for sensor, c in _chosen(task, exposure, selection).items()
     ]

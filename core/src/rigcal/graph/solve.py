@@ -26,7 +26,9 @@ _ENOUGH_ROWS = 20.0
 # Real noise is seldom below this share of the configured one.
 _WIDE_OPEN = 10.0
 TURN_IS_OPEN = (
-    "no sensor tells how the board is turned in its own plane, and so which way it is bent"
+    "no sensor that counts here tells how the board is turned in its own plane, and so which way "
+    "it is bent; record it where a sensor that identifies the print (a camera) sees it too, or "
+    "take `bend` out of the target's `refine`"
 )
 
 
@@ -210,7 +212,7 @@ def _inliers(
         else:
             kept.append(edge)
     count = Counter(e.exposure for e in kept)
-    turned = {e.exposure for e in kept if e.in_plane or not numbers.bent}
+    turned = {e.exposure for e in kept if e.in_plane or e.sensor not in numbers.bent}
     for edge in kept:
         if count[edge.exposure] < 2:
             dropped[edge.sensor, edge.exposure] = "no other sensor's data is left in this exposure"

@@ -23,6 +23,8 @@ _POSE_STEP = 1e-6
 """Of a pose, rad and m."""
 
 _BEND = np.array([0.02, -0.01, 0.015])
+# Centimetres of height at the rim of a board of a metre.
+_FAR_BENT = 20 * _BEND
 """Some millimetres at the rim of a board of one metre."""
 
 
@@ -88,18 +90,26 @@ class RefineChecks(Stage):
                 own = [self.residual(c, asked, target) for c in candidates]
                 _check_derivatives(own, T_s_t, values, steps)
 
-    @needs("bends", "errors", "candidates")
+    @needs("bends", "errors", "observe")
     def test_errors_are_those_against_the_bent_board(self) -> None:
-        rng = np.random.default_rng(0)
-        (T_s_t,) = self.poses(rng, 1)
-        candidate, errors = self.candidate(T_s_t, rng), self.sensor_type.errors
+        """Of a board bent by far more than the noise: not a flat one, nor one the other way."""
+        poses, errors = self.poses(np.random.default_rng(0), 8), self.sensor_type.errors
+        observe = self.sensor_type.observe
         assert errors is not None
-        flat, bent = (
-            errors(candidate, self.config, target, T_s_t)
-            for target in (self.target, self.target.bent(_BEND))
-        )
-        assert bent.shape == flat.shape
-        assert np.abs(bent - flat).max() > 0
+        assert observe is not None
+        rng, true = np.random.default_rng(1), self.target.bent(_FAR_BENT)
+        seen = [(T, observe(T, self.config, true, rng)) for T in poses]
+        sizes = []
+        for bend in (_FAR_BENT, np.zeros(3), -_FAR_BENT):
+            parts = [
+                errors(c, self.config, self.target.bent(bend), T).ravel()
+                for T, c in seen
+                if c is not None
+            ]
+            sizes.append(float(np.sqrt(np.mean(np.concatenate(parts) ** 2))))
+        bent, flat, other_way = sizes
+        assert bent < 0.5 * flat
+        assert flat < other_way
 
     def _parameters(self, name: str) -> Parameters:
         return self.sensor_type.refinable[name].parameters(self.config)

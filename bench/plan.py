@@ -129,10 +129,13 @@ def print_predictions(arguments):
             print(f"{n:3} {name:10}" + "".join(cell(*pair) for pair in cells))
             ratios += [t / sigma.translation_m, r / sigma.rotation_rad]
         known = np.array([r for r in ratios if 0 < r < np.inf])
+        withheld = f"{len(runs) - len(good)} of {len(runs)} recordings withheld\n"
+        if not len(known):
+            print(f"{n:3} {withheld}")
+            continue
         print(
             f"{n:3} reported / predicted: median {np.median(known):.2f}, "
-            f"{known.min():.2f} to {known.max():.2f}; "
-            f"{len(runs) - len(good)} of {len(runs)} recordings withheld\n"
+            f"{known.min():.2f} to {known.max():.2f}; {withheld}"
         )
 
 

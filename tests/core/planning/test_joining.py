@@ -35,3 +35,10 @@ def test_one_exposure_that_fixes_a_pose_joins_its_whole_group():
     joining.add(seen_by("a", "x"), {"a", "x"})
     assert not joining.is_wanted(seen_by("a", "y"))
     assert joining.is_wanted(seen_by("y", "z"))
+
+
+def test_what_is_firm_within_its_own_group_is_not_joined():
+    """Two cameras fix each other; the laser that sees the board with them does not fix them."""
+    joining = Joining(["laser"], [("left", "right")])
+    joining.add(seen_by("laser", "left", "right"), {"left", "right"})
+    assert joining.is_wanted(seen_by("laser", "left"))

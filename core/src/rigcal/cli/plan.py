@@ -123,7 +123,8 @@ def _show_proposals(plan: Plan) -> None:
 
     print_line("Show the board next:")
     for number, proposal in enumerate(plan.proposals, start=1):
-        name = worst(proposal.sigmas)
+        # What no pose is planned for stays as open as it is.
+        name = worst({s: v for s, v in proposal.sigmas.items() if s not in plan.unplanned})
         print_line(f"{number}. {proposal.words}")
         print_line(
             f"   seen by {', '.join(proposal.seen_by)}; the worst is then {name}: "
@@ -134,11 +135,13 @@ def _show_proposals(plan: Plan) -> None:
 
 def _cell(sigma: Sigma) -> str:
     """`0.28 mm, 0.015 deg`; `open` if neither is determined."""
+    from rigcal.report.tables import spread
+
     mm, deg = 1e3 * sigma.translation_m, math.degrees(sigma.rotation_rad)
     if not math.isfinite(mm) and not math.isfinite(deg):
         return "open"
     return ", ".join(
-        f"{value:.2g} {unit}" if math.isfinite(value) else f"open ({unit})"
+        f"{spread(value)} {unit}" if math.isfinite(value) else f"open ({unit})"
         for value, unit in ((mm, "mm"), (deg, "deg"))
     )
 

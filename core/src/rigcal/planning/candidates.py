@@ -10,7 +10,7 @@ import numpy as np
 from rigcal.geometry import se3
 from rigcal.geometry.directions import circle, facing, sphere
 from rigcal.geometry.se3 import Array
-from rigcal.planning.site import Site
+from rigcal.planning.site import Site, can_be_planned
 from rigcal.visibility import spots_in_view
 
 _DIRECTIONS = 2000
@@ -121,7 +121,7 @@ def _seen_by(site: Site, target: str, T_root_t: Array) -> tuple[str, ...]:
     return tuple(
         name
         for name, config in site.rig.sensors.items()
-        if site.rig.target_of(name) == target
+        if site.rig.target_of(name) == target and can_be_planned(site.kinds[name])
         for T_s_t in [se3.inverse(site.T_root_s[name]) @ T_root_t]
         if len(spots_in_view(T_s_t, site.kinds[name], config, site.targets[target]))
     )

@@ -35,11 +35,6 @@ class Pool:
     information: Array
 
 
-def can_be_planned(kind: SensorType) -> bool:
-    """Whether a sensor type says what it would see of a board."""
-    return kind.observe is not None or kind.simulate is not None
-
-
 def weigh(
     site: Site,
     poses: Sequence[BoardPose],
@@ -50,13 +45,15 @@ def weigh(
     """What each pose would tell, by the residuals of simulated observations at the true poses.
 
     `scales` are sensors' noise over the configured one, 1 where missing. The pose of the board is
-    unknown, and eliminated. Poses at which fewer than two sensors find the board are left out.
+    unknown, and eliminated. Poses at which fewer than two sensors find the board are left out, and
+    those whose exposures an estimate of its bend would leave out.
     """
     edges: list[SensorTargetEdge] = []
     kept: list[BoardPose] = []
     for pose in poses:
         found = _edges(site, pose, str(len(kept)), scales, rng)
-        if len(found) > 1:
+        counts = any(e.in_plane for e in found) or not site.targets[pose.target].may_bend
+        if len(found) > 1 and counts:
             edges += found
             kept.append(replace(pose, seen_by=tuple(e.sensor for e in found)))
     return Pool(tuple(kept), _information(site, kept, edges, numbers))
@@ -75,6 +72,8 @@ def _edges(
         T_s_t = se3.inverse(site.T_root_s[name]) @ pose.T_root_t
         try:
             candidate = _observed(kind, T_s_t, config, target, rng)
+        except PluginError:
+            raise
         except RigcalError as error:
             raise ConfigError(f"sensors.{name}: {error}") from error
         except Exception as error:
@@ -84,7 +83,8 @@ def _edges(
             ) from error
         if candidate is not None:
             residual = residual_of(kind, candidate, config, target)
-            edges.append(SensorTargetEdge(name, exposure, residual, scales.get(name, 1.0)))
+            scale, in_plane = scales.get(name, 1.0), candidate.tells_turn
+            edges.append(SensorTargetEdge(name, exposure, residual, scale, in_plane=in_plane))
     return edges
 
 

@@ -33,11 +33,11 @@ class Joining:
         return False
 
     def add(self, pose: BoardPose, firm: Collection[str]) -> None:
-        """A pose is recorded; it alone fixes the sensors named in `firm` to those that see it."""
+        """A pose is recorded; it alone fixes the sensors named in `firm` to each other."""
         for group in self._loose:
             links = self._links(group, pose)
             self._shared.update(links)
-            if any(s in firm or self._shared[s, p] >= _NEEDED for s, p in links):
+            if any({s, p} <= {*firm} or self._shared[s, p] >= _NEEDED for s, p in links):
                 self._joined |= group
         self._loose = [group for group in self._loose if not group <= self._joined]
 

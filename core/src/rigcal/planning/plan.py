@@ -15,11 +15,11 @@ from rigcal.graph.stages import given_poses
 from rigcal.observation import Observation
 from rigcal.planning.candidates import BoardPose, draw_candidates, vary
 from rigcal.planning.choice import Judge, best, firm, typical
-from rigcal.planning.gain import Pool, can_be_planned, weigh
+from rigcal.planning.gain import Pool, weigh
 from rigcal.planning.joining import Joining
 from rigcal.planning.recorded import Recorded, nothing_recorded, recorded
 from rigcal.planning.result import Plan, Proposal
-from rigcal.planning.site import Site
+from rigcal.planning.site import Site, can_be_planned
 from rigcal.planning.words import describe
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
@@ -71,6 +71,11 @@ def plan(
     pool = _pool(site, so_far, rng, progress or (lambda *_: None))
     planned = frozenset(s for pose in pool.poses for s in pose.seen_by)
     judge = _judge(rig, so_far, planned)
+    if not judge.judged:
+        raise ConfigError(
+            f"the poses of all sensors that can be planned for ({', '.join(sorted(planned))}) are "
+            "given: take `fixed` out of the rig file for what is to be calibrated"
+        )
     predicted, examples = {}, so_far.boards
     if observations is None:
         known = so_far.information
@@ -96,7 +101,7 @@ def plan(
 
 def _pool(site: Site, so_far: Recorded, rng: np.random.Generator, tell: Progress) -> Pool:
     """Board poses to choose from, weighed; ConfigError if there are none."""
-    poses = draw_candidates(site, _counts(site.rig, so_far), rng)
+    poses = draw_candidates(site, _counts(site, so_far), rng)
     parts = []
     for start in range(0, len(poses), _BATCH):
         tell("board poses", start, len(poses))
@@ -111,13 +116,14 @@ def _pool(site: Site, so_far: Recorded, rng: np.random.Generator, tell: Progress
     return Pool(kept, np.concatenate([part.information for part in parts]))
 
 
-def _counts(rig: Rig, so_far: Recorded) -> dict[str, int]:
-    """How many candidates are drawn in the view of each sensor."""
-    _, fixed = given_poses(rig)
-    names = tuple(rig.sensors)
-    sigmas = Judge(names, fixed, frozenset()).sigmas(so_far.information)
-    most = max((sigma.size for sigma in sigmas.values()), default=0.0)
-    least = [s for s in names if s in sigmas and sigmas[s].size >= _LEAST_KNOWN * most] or names
+def _counts(site: Site, so_far: Recorded) -> dict[str, int]:
+    """How many candidates are drawn in the view of each sensor that can be planned for."""
+    _, fixed = given_poses(site.rig)
+    names = [s for s in site.rig.sensors if can_be_planned(site.kinds[s])]
+    sigmas = Judge(tuple(site.rig.sensors), fixed, frozenset()).sigmas(so_far.information)
+    sizes = {s: sigmas[s].size for s in names if s in sigmas}
+    most = max(sizes.values(), default=0.0)
+    least = [s for s in sizes if sizes[s] >= _LEAST_KNOWN * most] or names
     share = {s: _CANDIDATES // len(least) * (s in least) for s in names}
     return {s: -(-_CANDIDATES // len(names)) + share[s] for s in names}
 

@@ -19,6 +19,7 @@ from rigcal.graph.method import Method
 from rigcal.graph.numbers import Numbers, numbers_of
 from rigcal.graph.solve import Solution
 from rigcal.graph.stack import EdgeStack, poses_of
+from rigcal.graph.stages import given_poses
 from rigcal.graph.task import Task
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
@@ -80,7 +81,8 @@ def recorded(
     within = [
         (own.root, s, T) for own, found in groups for s, T in found.sensors.items() if s != own.root
     ]
-    joined = _reached({rig.root: np.eye(4)}, within)
+    poses, fixed = given_poses(rig)
+    joined = _reached({s: poses[s] for s in poses if s in fixed}, within)
     T_root_s = _placed(rig, joined, within, given)
     at = {s: i for i, s in enumerate(rig.sensors)}
     numbers = _numbers(rig, registry)
@@ -148,7 +150,7 @@ def _solved(
 def _settled(rig: Rig, registry: Registry, found: Solution, given: Sequence[Link]) -> Solution:
     """The solution with given poses of the sensors whose own the data leave open."""
     flat = frozenset(s for s, c in rig.sensors.items() if registry.sensor_type(c.type).flat)
-    held = frozenset({rig.root})
+    _, held = given_poses(rig)
     verdict = judge(found.edges, found.sensors, found.targets, held, rig.root, flat, found.numbers)
     known = {s: T for s, T in found.sensors.items() if s not in verdict.withheld}
     if not verdict.withheld:
@@ -174,12 +176,24 @@ def _moved(found: Solution, T_s: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _part(rig: Rig, names: Sequence[str]) -> Rig:
-    """The rig with these sensors only; poses that it prescribes hold where it is whole."""
+    """The rig with these sensors only, and of the poses that it prescribes those that hang there."""
     if len(names) == len(rig.sensors):
         return rig
+    hangs = {rig.root} & {*names}
+    while more := {s for s in names if s not in hangs and _given_parent(rig, s) in hangs}:
+        hangs |= more
     free = {"pose": None, "initial": None, "fixed": False}
-    sensors = {s: rig.sensors[s].model_copy(update=free) for s in names}
+    sensors = {
+        s: rig.sensors[s] if s in hangs else rig.sensors[s].model_copy(update=free) for s in names
+    }
     return replace(rig, root=rig.root if rig.root in sensors else names[0], sensors=sensors)
+
+
+def _given_parent(rig: Rig, sensor: str) -> str | None:
+    """What the rig file prescribes a sensor's pose in, if it does."""
+    config = rig.sensors[sensor]
+    is_given = config.pose is not None and (config.fixed or config.initial)
+    return config.pose.parent if config.pose is not None and is_given else None
 
 
 def _known(solution: Solution) -> Array:

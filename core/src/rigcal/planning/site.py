@@ -118,3 +118,8 @@ class Site:
         xy = p[a, :2] + share * (p[b, :2] - p[a, :2])
         inside = np.all((xy > low - _CLEARANCE) & (xy < high + _CLEARANCE), axis=1)
         return not inside.any()
+
+
+def can_be_planned(kind: SensorType) -> bool:
+    """Whether a sensor type says what it would see of a board."""
+    return kind.observe is not None or kind.simulate is not None

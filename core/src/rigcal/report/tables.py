@@ -254,10 +254,12 @@ def _numbers(values: Array, form: str) -> tuple[str, ...]:
 
 
 def _spreads(values: Array) -> tuple[str, ...]:
-    """Standard deviations to two digits, those of a hundred and more whole."""
-    return tuple(
-        _NOTHING if np.isnan(v) else f"{v:.0f}" if 99.5 <= v < 1e6 else f"{v:.2g}" for v in values
-    )
+    return tuple(_NOTHING if np.isnan(v) else spread(float(v)) for v in values)
+
+
+def spread(value: float) -> str:
+    """A standard deviation to two digits, one of a hundred and more whole."""
+    return f"{value:.0f}" if 99.5 <= value < 1e6 else f"{value:.2g}"
 
 
 def _optional(value: int | None) -> str:

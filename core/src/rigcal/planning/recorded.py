@@ -176,7 +176,7 @@ def _moved(found: Solution, T_s: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _part(rig: Rig, names: Sequence[str]) -> Rig:
-    """The rig with these sensors only, and of the poses that it prescribes those that hang there."""
+    """The rig with these sensors, and of the poses that it prescribes those that hang there."""
     if len(names) == len(rig.sensors):
         return rig
     hangs = {rig.root} & {*names}

@@ -17,6 +17,8 @@ def test_a_study_of_one_run(tmp_path, command):
     assert ran.code == 0
     answer = json.loads(ran.out)
     assert all(Path(path).exists() for path in answer["files"])
+    assert any("joint: scatter takes two runs or more" in claim for claim in answer["claims"])
+    assert not any("nan" in claim for claim in answer["claims"])
     with (tmp_path / "runs.csv").open() as file:
         rows = {(r["formulation"], r["filtered"], r["initial"]): r for r in csv.DictReader(file)}
     assert len(rows) == 7

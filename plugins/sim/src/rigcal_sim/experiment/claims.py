@@ -33,9 +33,14 @@ def claims(rows: Sequence[Row]) -> list[str]:
                 lines.append(
                     f"  {formulation}: runs that gave no result and do not count: {failed}"
                 )
-            if has_truth:
-                lines.append(_variance(solved, formulation))
-            lines.append(_graph_error(solved, formulation))
+            scatters = [_graph_error] if not has_truth else [_variance, _graph_error]
+            if len({r.seed for r in solved}) > 1:
+                lines += [claim(solved, formulation) for claim in scatters]
+            else:
+                lines.append(
+                    f"  {formulation}: scatter takes two runs or more (--runs, --raw-runs): it "
+                    "cannot be told whether the variances fall"
+                )
             lines.append(_initial(solved, formulation, has_truth=has_truth))
             if outliers or not has_truth:  # else there is nothing to filter
                 lines.append(_filter(solved, formulation, has_truth=has_truth))
@@ -148,4 +153,6 @@ def _std(values: Array) -> float:
 
 
 def _spread(values: Array, digits: int = 3) -> str:
+    if len(values) < 2:
+        return f"{_mean(values):.{digits}f}"
     return f"{_mean(values):.{digits}f} +- {_std(values):.{digits}f}"

@@ -24,9 +24,9 @@ class BentBeamResidual:
     On the plane (scan: the line) that fits the beams best, `q(u) = F [1; u]` with F (3, 1 + D) and
     D = 2 (1). There the height over the face, `z - w(x, y)` in the target's frame, is a polynomial
     of degree 2 in u with coefficients c (6,), for a scan (3,). s is 1, or for a scan the length of
-    the target's normal in the plane z = 0; negative where that normal does not point to the side of
-    `normal`, that of the plane. A is (m, 7) or (m, 4), whitened, with a column more if the ranges'
-    bias b is asked for, which starts at b0. The bend starts at `bend`.
+    the target's normal in the plane z = 0, and negative where that normal does not point to the
+    side of `normal`, that of the plane. A is (m, 7) or (m, 4), whitened, with a column more if the
+    ranges' bias b is asked for, which starts at b0. The bend starts at `bend`.
     """
 
     A: Array

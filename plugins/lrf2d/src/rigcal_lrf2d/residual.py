@@ -18,13 +18,13 @@ from rigcal_lrf2d.scan import directions
 
 
 def residual(candidate: Candidate, config: Lrf2dConfig, target: Target) -> Residual:
-    """Whitened range errors of the candidate's beams against the plane of the target.
+    """Whitened range errors of the candidate's beams against the face of the target.
 
-    Their sum of squares depends on the two parameters of the plane's trace in z = 0 only, so it is
-    compressed to two rows (`rigcal.residual.beam_residual`). The sigma of a range holds the noise
-    of the beam's angle at its incidence. Where the config asks to refine the ranges' bias, it is a
-    function of that too, and has a row more; where the target's asks for its bend, of that, and has
-    one row more.
+    Of a flat one their sum of squares depends on the two parameters of its trace in z = 0 only, so
+    it is compressed to two rows (`rigcal.residual.beam_residual`). The sigma of a range holds the
+    noise of the beam's angle at its incidence. Where the config asks to refine the ranges' bias, it
+    is a function of that too, and has a row more; where the target's asks for its bend, of that,
+    and has one row more.
     """
     angles, ranges = _beams(candidate, config)
     d_s = directions(angles)

@@ -19,7 +19,7 @@ from rigcal_lrf3d.plane import beams, range_errors, sigma_on
 
 
 def residual(candidate: Candidate, config: Lrf3dConfig, target: Target) -> Residual:
-    """Whitened errors of the candidate's returns against the plane of the target, in 3 rows.
+    """Whitened errors of the candidate's returns against a target's face; 3 rows if it is flat.
 
     Where the beams start at the sensor: measured range minus the range at which each beam meets
     the plane. Otherwise: distance from the plane, with the part of the range noise that falls on

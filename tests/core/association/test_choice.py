@@ -29,7 +29,9 @@ def _decode(message: Message, config: Any) -> Any:
 
 
 def _detect(frame: Any, config: Any, target: Any) -> Detection:
-    """A file holds the target's place."""
+    """A file holds the target's place, or that it is out of sight."""
+    if np.isnan(frame).any():
+        return Detection((), "out of sight")
     T_s_t = se3.transform(np.diag([1.0, -1.0, -1.0]), frame)
     return Detection((Candidate(PoseGeometry(T_s_t, 1e-6 * np.eye(6)), {}),))
 
@@ -100,11 +102,31 @@ def test_a_board_held_again_and_again_makes_exposures(continuous: Path, said: An
             assert 7 <= len(o.frames) <= 10
 
 
+def test_what_shows_nothing_at_the_first_look_is_not_looked_at_again(
+    continuous: Path,
+) -> None:
+    for file in (continuous / "stern").iterdir():
+        if np.loadtxt(file)[0] >= PLACES - 1:
+            np.savetxt(file, np.full(3, np.nan))
+    observations = detect(rig(), REGISTRY, continuous, jobs=1)
+    frames = {(o.sensor, o.exposure): len(o.frames) for o in observations}
+    seen, unseen = frames["bow", "0004"], frames["stern", "0004"]
+    assert unseen <= 3 * HOLD_S < seen
+    (reason,) = {o.reason for o in observations if (o.sensor, o.exposure) == ("stern", "0004")}
+    assert reason == "out of sight"
+
+
 def test_a_rig_that_says_nearest_or_same_index_uses_frames_in_motion(continuous: Path) -> None:
     near = detect(rig(association="nearest", tolerance_s=0.001), REGISTRY, continuous, jobs=1)
     both = [k for k, seen in exposures(near).items() if seen == set(SENSORS)]
     assert len(both) > 2 * PLACES
     assert all(len(o.frames) == 1 for o in near)
+    together = detect(rig(association="nearest", tolerance_s=0.06), REGISTRY, continuous, jobs=1)
+    lost = [o for o in together if not o.candidates]
+    assert {o.reason for o in lost} == {
+        "another frame of this sensor is nearer to the middle of the exposure"
+    }
+    assert {o.exposure for o in lost} == {f"stamp {o.stamp_ns}" for o in lost}
     indexed = detect(rig(association="same_index"), REGISTRY, continuous, jobs=1)
     assert exposures(indexed)["0050"] == set(SENSORS)
 

@@ -111,6 +111,19 @@ def test_covariance_of_the_mean_is_true(kind, own, shared):
     assert total > 0.6 * dof, f"too unsure: NEES {total / dof:.2f} per dof"
 
 
+def test_exposures_of_one_frame_do_not_tell_what_frames_have_in_common():
+    rng = np.random.default_rng(4)
+    L = np.linalg.cholesky(0.4 * COVARIANCE)
+    several = [[pose(L @ rng.normal(size=6)) for _ in range(FRAMES)] for _ in range(EXPOSURES)]
+    assert common_share(several + 30 * [[pose(np.zeros(6))]]) == common_share(several) > 0.4
+    assert common_share([[pose(np.zeros(6))]]) == 0
+
+
+def test_a_detector_that_answers_now_with_a_pose_and_now_with_a_plane_is_told():
+    with pytest.raises(TypeError, match="PoseGeometry and PlaneGeometry have no mean"):
+        mean_of([plane(np.zeros(6)), pose(np.zeros(6)), plane(np.zeros(6))])
+
+
 def test_four_times_as_many_frames_halve_the_error():
     rng = np.random.default_rng(1)
     L = np.linalg.cholesky(20 * COVARIANCE)

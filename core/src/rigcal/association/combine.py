@@ -152,5 +152,4 @@ def _moved(origin: Geometry, x: Array, covariance: Array, all_of: Sequence[Geome
                 2 * sum(g.start_is_edge for g in lines) > len(lines),
                 2 * sum(g.end_is_edge for g in lines) > len(lines),
             )
-        case PointGeometry():
-            return replace(origin, position=origin.position + x, covariance=covariance)
+    return replace(origin, position=origin.position + x, covariance=covariance)

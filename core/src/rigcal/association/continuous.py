@@ -32,9 +32,7 @@ class Exposure:
 
 def first_look(times_ns: NDArray[np.int64]) -> NDArray[np.intp]:
     """Frames (among F) that show when the board is held still: three a second, if there are."""
-    if not len(times_ns):
-        return np.zeros(0, dtype=np.intp)
-    part = (times_ns - times_ns.min()) // round(FIRST_LOOK_S * 1e9)
+    part = (times_ns - times_ns[:1]) // round(FIRST_LOOK_S * 1e9)
     return np.sort(np.unique(part, return_index=True)[1])
 
 

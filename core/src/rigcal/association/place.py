@@ -108,7 +108,7 @@ def _row(g: Geometry, target: Target) -> tuple[Array, Array, Array, Array, float
             projector = np.eye(3) - np.outer(along, along)
             ends = (g.covariance[:3, :3], g.covariance[3:, 3:])
             variance = max(_largest(projector @ end @ projector) for end in ends)
-        case PointGeometry():
+        case _:
             points, center, projector = _padded(g.position[None]), g.position, np.eye(3)
             variance = _largest(g.covariance)
     reference = np.broadcast_to(center, points.shape)

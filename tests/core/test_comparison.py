@@ -14,6 +14,7 @@ import pytest
 import rigcal
 from rigcal.calibration import Calibration, JointCovariance, SensorResult
 from rigcal.comparison import LIMIT_SIGMAS, _changes
+from rigcal.diagnosis.verdict_file import save_verdict
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -154,3 +155,29 @@ def test_command_tells_people_and_scripts(tmp_path: Path, command: Any) -> None:
     code, text, _ = command("compare", a, a)
     assert code == 0
     assert "Moved: none" in text
+
+
+def test_command_does_not_take_a_missing_sensor_for_one_that_stood_still(
+    tmp_path: Path, command: Any
+) -> None:
+    a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
+    rigcal.save_calibration(a, _calibration(POSES))
+    rigcal.save_calibration(b, _calibration({n: T for n, T in POSES.items() if n != "front"}))
+    code, text, _ = command("compare", a, b)
+    assert code == 1
+    assert "not in B: front\nMoved: none" in text
+    code, text, _ = command("compare", b, a)  # one that was added is no alarm
+    assert code == 0
+    assert "not in A: front\nMoved: none" in text
+
+
+def test_command_names_a_file_of_another_kind(tmp_path: Path, command: Any) -> None:
+    a, verdict = tmp_path / "a.yaml", tmp_path / "verdict.yaml"
+    rigcal.save_calibration(a, _calibration(POSES))
+    save_verdict(verdict, {"result": "given"})
+    code, text, error = command("compare", a, verdict)
+    assert (code, text) == (2, "")
+    assert error == (
+        f"rigcal: {verdict}:1: format: found 'rigcal-verdict', expected 'rigcal-calibration', "
+        "which is the calibration.yaml that `rigcal calibrate` writes, or a rig file with poses\n"
+    )

@@ -142,14 +142,16 @@ def test_a_nightly_check_tells_what_moved(
 ) -> None:
     right = before.sensors["right"]
     shifted = replace(right, T_parent_sensor=right.T_parent_sensor @ SHIFT)
-    sensors = {**before.sensors, "right": shifted}
+    sensors = {**before.sensors, "right": shifted, "mast": right}
     rigcal.save_calibration(desk.folder / "accepted.yaml", replace(before, sensors=sensors))
     (desk.folder / "rig.yaml").write_text(yaml.safe_dump(_rig()))
     desk.write(page("guide/nightly-check.md"))
     with pytest.raises(SystemExit) as caught:
         desk.run(f"python nightly_check.py rig.yaml {tonight} accepted.yaml tonight.yaml")
     assert caught.value.code == 1
-    assert re.match(r"right moved by (19|20|21)\.\d mm and 0\.\d+ deg, ", capsys.readouterr().out)
+    moved, missing = capsys.readouterr().out.splitlines()
+    assert re.match(r"right moved by (19|20|21)\.\d mm and 0\.\d+ deg, ", moved)
+    assert missing == "mast is missing tonight"
     assert (desk.folder / "tonight.yaml").is_file()
 
 
@@ -161,4 +163,16 @@ def test_a_night_without_a_recording_is_no_alarm(
     with pytest.raises(SystemExit) as caught:
         desk.run("python nightly_check.py rig.yaml none.mcap accepted.yaml tonight.yaml")
     assert caught.value.code == 2
-    assert "no check tonight: none.mcap: there is no such file" in capsys.readouterr().err
+    expected = "no check tonight: RecordingError: none.mcap: there is no such file"
+    assert expected in capsys.readouterr().err
+
+
+def test_a_night_that_fails_in_any_way_is_no_alarm(
+    desk: Any, page: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rigcal, "load_rig", lambda *_: 1 / 0)
+    desk.write(page("guide/nightly-check.md"))
+    with pytest.raises(SystemExit) as caught:
+        desk.run("python nightly_check.py rig.yaml tonight.mcap accepted.yaml tonight.yaml")
+    assert caught.value.code == 2
+    assert capsys.readouterr().err == "no check tonight: ZeroDivisionError: division by zero\n"

@@ -154,7 +154,7 @@ def test_without_it_a_rig_that_names_it_is_told_what_there_is(
     done = without_radar("rigcal", *arguments, cwd=calibrated)
     assert done.returncode == 2
     assert "sensors.radar.type: no sensor type 'radar'" in done.stderr
-    assert "known: camera, lrf2d, lrf3d" in done.stderr
+    assert "installed: camera, lrf2d, lrf3d" in done.stderr
     assert "a broken plugin may have offered it: acme-broken" in done.stderr
     assert "Traceback" not in done.stderr
 

@@ -6,108 +6,19 @@ import json
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
-import typer
 
 from rigcal import __version__
-from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
+from rigcal.calibration import Calibration, SensorResult
 from rigcal.calibration_file import load_calibration, save_calibration
 from rigcal.errors import InputError, NotConnectedError, RecordingError
-from rigcal.observation import Candidate, Detection, Observation, PointGeometry
 from rigcal.observation_file import load_observations
-from rigcal.plugin import SensorConfig, SensorType, hookimpl
 
 Command = Callable[..., Any]
 DETECT, CALIBRATE = import_module("rigcal.detection"), import_module("rigcal.estimation")
-RIG = """\
-version: 1
-root: bow
-targets:
-  board: {type: checkerboard, columns: 7, rows: 5, square_size_m: 0.1}
-sensors:
-  bow: {type: sonar, files: bow/*.csv}
-  stern: {type: sonar, files: stern/*.csv}
-"""
-
-
-class SonarConfig(SensorConfig, frozen=True):
-    type: Literal["sonar"] = "sonar"
-
-
-def _decode(message: object, config: object) -> object:
-    return message
-
-
-def _detect(frame: object, config: object, target: object) -> Detection:
-    return Detection((), "deaf")
-
-
-def ping(name: str, loud: bool = False) -> None:
-    """Answer."""
-    typer.echo(f"pong {name}" + "!" * loud)
-
-
-def fail() -> None:
-    """Fail unexpectedly."""
-    raise ZeroDivisionError("in the plugin")
-
-
-class Sonar:
-    @hookimpl
-    def rigcal_sensor_types(self) -> list[SensorType]:
-        return [SensorType("sonar", SonarConfig, (".csv",), _decode, _detect)]
-
-    @hookimpl
-    def rigcal_commands(self) -> list[tuple[str, Callable[..., Any]]]:
-        return [("ping", ping), ("fail", fail)]
-
-    @hookimpl
-    def rigcal_schemas(self) -> list[tuple[str, Callable[..., Any]]]:
-        return [("notes", lambda registry: {"title": "notes"})]
-
-
-def _observation(sensor: str, exposure: str) -> Observation:
-    geometry = PointGeometry(np.ones(3), np.eye(3), np.zeros(3))
-    if exposure == "3":
-        return Observation(sensor, exposure, 0, f"{sensor}/{exposure}.csv", (), "too dark")
-    return Observation(sensor, exposure, 0, f"{sensor}/{exposure}.csv", (Candidate(geometry, {}),))
-
-
-OBSERVATIONS = tuple(_observation(s, e) for e in "123" for s in ("bow", "stern"))
-T_BOW_STERN = np.array([[0, -1, 0, 1.5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
-CALIBRATION = Calibration(
-    "bow",
-    {
-        "bow": SensorResult("bow", np.eye(4), None, 2, 2, ResidualStatistics("m", 0.01, 2)),
-        "stern": SensorResult(
-            "bow", T_BOW_STERN, np.eye(6) * 1e-6, 2, 2, ResidualStatistics("m", 0.02, 2)
-        ),
-    },
-    rejected=(Rejection("bow", "3", "bow/3.csv", "too dark"),),
-    warnings=("stern: few exposures",),
-    provenance={"seed": 0},
-)
-
-
-@pytest.fixture
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a rig and a recording, and a sonar plugin, whose estimate is CALIBRATION."""
-    dist = SimpleNamespace(name="acme-sonar", version="2.0")
-    entry = SimpleNamespace(name="sonar", load=Sonar, dist=dist)
-    monkeypatch.setattr("rigcal.plugin.registry.entry_points", lambda group: [entry])
-    monkeypatch.setattr(DETECT, "detect", lambda *_: OBSERVATIONS)
-    monkeypatch.setattr(CALIBRATE, "calibrate", lambda *_, **__: CALIBRATION)
-    monkeypatch.setenv("COLUMNS", "160")
-    (tmp_path / "rig.yaml").write_text(RIG)
-    for name in ("bow", "stern"):
-        (tmp_path / "recording" / name).mkdir(parents=True)
-        (tmp_path / "recording" / name / "1.csv").write_text("1,2,3")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_detect_writes_observations(place: Path, command: Command) -> None:
@@ -249,11 +160,11 @@ def test_unusable_out_is_told_before_any_work(
     assert "rig.yaml/x: cannot be made a folder" in ran.err
 
 
-def test_evaluate(place: Path, command: Command) -> None:
-    save_calibration("truth.yaml", CALIBRATION)
-    moved = T_BOW_STERN.copy()
+def test_evaluate(place: Path, calibration: Calibration, command: Command) -> None:
+    save_calibration("truth.yaml", calibration)
+    moved = calibration.T("bow", "stern").copy()
     moved[0, 3] += 0.002
-    sensors = {**CALIBRATION.sensors, "stern": SensorResult("bow", moved, np.eye(6) * 1e-6)}
+    sensors = {**calibration.sensors, "stern": SensorResult("bow", moved, np.eye(6) * 1e-6)}
     save_calibration("calibration.yaml", Calibration("bow", sensors))
     ran = command("evaluate", "calibration.yaml", "--truth", "truth.yaml", "--json")
     assert ran.code == 0
@@ -326,9 +237,10 @@ def test_wrong_usage_exits_2(place: Path, arguments: list[str], command: Command
     assert command(*arguments).code == 2
 
 
-TWO_TARGETS = RIG.replace(
-    "sensors:", "  cover: {type: checkerboard, columns: 3, rows: 2, square_size_m: 0.1}\nsensors:"
-).replace("files:", "target: board, files:")
+def _write_two_targets() -> None:
+    cover = "  cover: {type: checkerboard, columns: 3, rows: 2, square_size_m: 0.1}\n"
+    text = Path("rig.yaml").read_text().replace("sensors:", f"{cover}sensors:")
+    Path("two.yaml").write_text(text.replace("files:", "target: board, files:"))
 
 
 def test_target_writes_the_page_and_says_how_large_it_is(place: Path, command: Command) -> None:
@@ -336,7 +248,7 @@ def test_target_writes_the_page_and_says_how_large_it_is(place: Path, command: C
     assert ran.code == 0
     assert Path("new/board.pdf").read_bytes().startswith(b"%PDF")
     assert "'board' of 800 x 600 mm on a page of 830 x" in ran.out
-    Path("two.yaml").write_text(TWO_TARGETS)
+    _write_two_targets()
     ran = command("target", "two.yaml", "--target", "cover", "-o", "cover.svg", "--json")
     assert ran.code == 0
     answer = json.loads(ran.out)
@@ -359,7 +271,7 @@ def test_target_writes_the_page_and_says_how_large_it_is(place: Path, command: C
 def test_target_that_cannot_be_written_says_why(
     arguments: list[str], message: str, place: Path, command: Command
 ) -> None:
-    Path("two.yaml").write_text(TWO_TARGETS)
+    _write_two_targets()
     ran = command("target", *arguments)
     assert ran.code == 2
     assert message in ran.err

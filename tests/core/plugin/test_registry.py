@@ -203,8 +203,11 @@ def test_hook_with_unknown_argument_is_refused() -> None:
 
 
 def test_unknown_type_names_the_nearest_and_the_installed() -> None:
-    with pytest.raises(PluginError, match=r"'sonarr', did you mean 'sonar'\? \(known: sonar\)"):
+    with pytest.raises(PluginError, match=r"'sonarr', did you mean 'sonar'\? \(installed: sonar\)"):
         Registry([_sensors(SONAR)]).sensor_type("sonarr")
+    unlike = r"'radar' \(installed: sonar\); install the plugin that offers it"
+    with pytest.raises(PluginError, match=unlike):
+        Registry([_sensors(SONAR)]).sensor_type("radar")
 
 
 Install = Callable[..., None]

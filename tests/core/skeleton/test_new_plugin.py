@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -61,11 +62,24 @@ def test_bad_name_is_refused(tmp_path: Path, name: str) -> None:
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.parametrize("name", ["rigcal-side-scan", "rigcal_side-scan"])
+def test_name_of_the_distribution_is_told_from_that_of_the_type(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=f"'{name}' is the name of a distribution.*: 'side-scan'$"):
+        rigcal.new_plugin(name, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("work of years")
     with pytest.raises(InputError, match="is there already"):
         rigcal.new_plugin("sonar", tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["mine.py"]
+
+
+def test_place_that_cannot_be_written_to_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(InputError, match=r"file/new: cannot be written: (Not a dir|File exists)"):
+        rigcal.new_plugin("sonar", tmp_path / "file" / "new")
 
 
 def test_command_tells_what_to_do_next(
@@ -76,6 +90,9 @@ def test_command_tells_what_to_do_next(
     assert ran.code == 0
     assert "pip install -e 'rigcal-sonar[test]' && pytest rigcal-sonar" in ran.out
     assert (tmp_path / "rigcal-sonar" / "README.md").is_file()
+    ran = command("new-plugin", "sonar", "--out", "a", "--json")
+    assert (ran.code, json.loads(ran.out)) == (0, {"folder": "a"})
+    assert command("new-plugin", "sonar", "--out", "b", "--quiet") == (0, "", "")
 
 
 def test_name_of_an_installed_type_is_refused(

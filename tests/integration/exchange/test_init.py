@@ -210,6 +210,25 @@ def test_the_command_writes_once_and_tells_programs(
     assert not out.exists()
 
 
+def test_the_command_takes_files_and_says_what_to_do_next(
+    record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lens = rigcal.write_export(tmp_path / "lens.yaml", CALIBRATION, REGISTRY, "opencv", RIG)[0]
+    urdf = rigcal.write_export(tmp_path / "a=b.urdf", CALIBRATION, REGISTRY, "urdf", RIG)[0]
+    recording = record(info=False, static=False)
+    sources = ("--from", f"cam={lens}", "--from", urdf.name)
+    code, text, _ = command("init", recording, "--out", "cart.yaml", *sources)
+    assert code == 0
+    assert text.startswith("cart.yaml: cam, front, lidar (root lidar)\nEdit it where it says FILL")
+    _check_poses(rigcal.load_rig("cart.yaml", REGISTRY))
+    head = Path("cart.yaml").read_text().splitlines()[:2]
+    assert head[1] == "#     rigcal calibrate cart.yaml drive.mcap --out result"
+    assert command("init", recording, "--out", "b.yaml", *sources, "--quiet") == (0, "", "")
+    code, _, error = command("init", recording, "--out", "c.yaml", "--from", "cam=")
+    assert (code, error) == (2, "rigcal: --from cam=: expected a file after the '='\n")
+
+
 def _info(focal_px: float) -> Any:
     config = CAM.model_copy(update={"focal_px": (focal_px, focal_px)})
     return CAMERA.extra_messages(config, 5, "eye")["camera_info"][1]  # type: ignore[misc]

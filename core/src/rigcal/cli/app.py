@@ -48,10 +48,10 @@ _COMMANDS: dict[str, Callable[..., Any]] = {
 _VERBOSE = ("-v", "--verbose")
 
 
-def main(arguments: Sequence[str] | None = None) -> NoReturn:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 2 the user can mend it, 1 failure.
 
-    A command may give 1 another meaning: `compare`, that a sensor moved.
+    A command may give 1 another meaning: `compare`, that a sensor moved or is missing.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     # Like most programs, take -v before and after the command.
@@ -73,7 +73,6 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             1,
             verbose,
         )
-    sys.exit(0)
 
 
 def make_app(registry: Registry) -> typer.Typer:

@@ -25,7 +25,7 @@ def compare(
 ) -> None:
     """Tell which sensor moved between two calibrations.
 
-    Exit status: 0 none moved, 1 one did, 2 the files cannot be compared.
+    Exit status: 0 none moved, 1 one did or is missing from B, 2 the files cannot be compared.
     """
     from rigcal.comparison import compare as compare_all
     from rigcal.errors import InputError
@@ -41,7 +41,7 @@ def compare(
             f"{before} and {after}: neither has a covariance of {', '.join(unjudged)}, by which a "
             "motion could be told from noise; compare with a file that `rigcal calibrate` wrote"
         )
-    if comparison.moved:
+    if comparison.moved or comparison.only_before:
         raise typer.Exit(1)
 
 
@@ -51,11 +51,18 @@ def load_poses(path: Path) -> Calibration:
     from rigcal.calibration_text import FORMAT
     from rigcal.comparison import calibration_of_poses
     from rigcal.document import read_document
+    from rigcal.errors import ConfigError
     from rigcal.plugin.registry import Registry
     from rigcal.rig import load_rig
 
-    data = read_document(path, "a calibration or a rig").data
-    if data.get("format") == FORMAT or "version" not in data:
+    document = read_document(path, "a calibration or a rig")
+    found = document.data.get("format")
+    if found not in (None, FORMAT):
+        raise ConfigError(
+            f"{document.where(('format',))}: found '{found}', expected '{FORMAT}', which is the "
+            "calibration.yaml that `rigcal calibrate` writes, or a rig file with poses"
+        )
+    if found == FORMAT or "version" not in document.data:
         return load_calibration(path)
     return calibration_of_poses(load_rig(path, Registry.from_entry_points()))
 

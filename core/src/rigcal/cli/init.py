@@ -42,7 +42,8 @@ def init(
     if out.exists():
         raise InputError(f"{out} is there already; give another file with --out, or remove it")
     registry = Registry.from_entry_points()
-    write_text(out, propose_rig(recording, registry, [_file(s) for s in sources or ()], root))
+    files = [_file(source) for source in sources or ()]
+    write_text(out, propose_rig(recording, registry, files, root, out.name))
     rig = load_rig(out, registry)
     if json:
         print_json({"rig": str(out), "root": rig.root, "sensors": list(rig.sensors)})

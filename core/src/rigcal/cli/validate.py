@@ -68,12 +68,13 @@ def _show_folds(result: CrossValidation) -> None:
     ]
     title = f"Rms errors of the same exposures, fitted and held out in {len(result.folds)} folds"
     print_table(title, ("<sensor", "fitted", "held out", "values"), rows)
-    excess, expected, by_chance = (
-        f"{100 * share:.2g}" for share in (result.excess, result.expected, result.deviation)
+    excess, expected, by_chance, limit = (
+        f"{100 * share:.2g}"
+        for share in (result.excess, result.expected, result.deviation, result.limit)
     )
     print_line(
         f"Held out, their sum of squares is {excess} % larger than fitted; expected from the "
-        f"covariance: {expected} +- {by_chance} %."
+        f"covariance: {expected} +- {by_chance} %, and more than {limit} % once in 1000 times."
     )
     for number, fold in enumerate(result.folds, start=1):
         if fold.problem:
@@ -125,6 +126,7 @@ def _folds_mapping(result: CrossValidation) -> dict[str, Any]:
         "excess": result.excess,
         "expected": result.expected,
         "deviation": result.deviation,
+        "limit": result.limit,
         "folds": [{"exposures": list(f.exposures), "problem": f.problem} for f in result.folds],
         "sensors": {name: vars(s) for name, s in result.sensors.items()},
     }

@@ -249,11 +249,11 @@ class Registry:
         if conflict := table.conflict(name):
             raise PluginError(f"{conflict}; {_CLASH}")
         nearest = difflib.get_close_matches(str(name), table.entries, 1)
-        guess = f", did you mean '{nearest[0]}'?" if nearest else ""
-        known = ", ".join(sorted(table.entries)) or "none"
-        suspects = self._suspects(str(name))
+        guess, otherwise = (f", did you mean '{nearest[0]}'?", "else ") if nearest else ("", "")
+        installed = ", ".join(sorted(table.entries)) or "none"
+        remedies = self._suspects(str(name)) or [f"{otherwise}install the plugin that offers it"]
         raise PluginError(
-            "; ".join([f"no {table.kind} '{name}'{guess} (known: {known})", *suspects])
+            "; ".join([f"no {table.kind} '{name}'{guess} (installed: {installed})", *remedies])
         )
 
     def _suspects(self, name: str) -> list[str]:

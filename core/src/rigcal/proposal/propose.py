@@ -34,13 +34,15 @@ def propose_rig(
     registry: Registry,
     files: Sequence[FileOf] = (),
     root: str | None = None,
+    name: str = "rig.yaml",
 ) -> str:
     """The text of a rig.yaml that loads, with comments on what to fill in (the target, at least).
 
     Topics become sensors by the types of their messages; lenses and the like come from messages
     beside them (CameraInfo) and from `files`, poses from /tf_static and from `files`, which count
     first. A sensor of which something is missing stands in comments. `root` is by default the
-    first sensor that sees in three dimensions. InputError where nothing can be made of it.
+    first sensor that sees in three dimensions. `name` is what the file will be called; its head
+    says what to run. InputError where nothing can be made of it.
     """
     formats = tuple(registry.recording_formats.values())
     with open_recording(recording, registry.message_definitions, formats) as opened:
@@ -64,7 +66,7 @@ def propose_rig(
     entries = [
         Entry(s, poses.get(s.name), sources.get(s.name), missing.get(s.name)) for s in sensors
     ]
-    text = rig_text(Path(recording), root, base_of(forests, root), entries, notes)
+    text = rig_text(name, Path(recording), root, base_of(forests, root), entries, notes)
     parse_rig(yaml.safe_load(text), registry)
     return text
 

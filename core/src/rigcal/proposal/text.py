@@ -39,17 +39,18 @@ class Entry:
 
 
 def rig_text(
+    name: str,
     recording: Path,
     root: str,
     base: tuple[dict[str, Any], str] | None,
     entries: Sequence[Entry],
     notes: Sequence[str],
 ) -> str:
-    """The file."""
+    """The file called `name`."""
     lines = [
         f"# Written by `rigcal init` from {recording.name}. FILL IN the target, remove what is not "
         "to be calibrated, then:",
-        f"#     rigcal calibrate rig.yaml {recording.name} --out result",
+        f"#     rigcal calibrate {name} {recording.name} --out result",
         *(f"# {note}" for note in notes),
         "version: 1",
         f"name: {_flow(recording.stem)}",

@@ -66,8 +66,8 @@ class CrossValidation:
     deviation: float
 
     @property
-    def holds(self) -> bool:
-        """Whether every fold has an answer, and unseen exposures are explained as expected.
+    def limit(self) -> float:
+        """The `excess` that a true covariance exceeds once in 1000 times.
 
         A sum of squares that few errors dominate is skewed: the limit is that of the chi-square
         law with its mean and variance (F. E. Satterthwaite, 1946).
@@ -75,8 +75,12 @@ class CrossValidation:
         from scipy.stats import chi2
 
         unit = self.deviation**2 / (2 * self.expected)
-        limit = unit * float(chi2.isf(_SIGNIFICANCE, self.expected / unit))
-        return not any(fold.problem for fold in self.folds) and self.excess <= limit
+        return unit * float(chi2.isf(_SIGNIFICANCE, self.expected / unit))
+
+    @property
+    def holds(self) -> bool:
+        """Whether every fold has an answer, and unseen exposures are explained as expected."""
+        return not any(fold.problem for fold in self.folds) and self.excess <= self.limit
 
 
 def cross_validate(

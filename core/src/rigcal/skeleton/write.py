@@ -21,6 +21,11 @@ def new_plugin(name: str, folder: Path | str | None = None) -> Path:
     and the tests of the conformance kit, which pass; its README says what to change where.
     InputError for a name that cannot be one, or when the folder is there already.
     """
+    if name.startswith(("rigcal-", "rigcal_")):
+        raise InputError(
+            f"'{name}' is the name of a distribution; give that of the sensor type, as rig files "
+            f"will have it after `type:`: '{name[len('rigcal-') :]}'"
+        )
     if not _NAME.fullmatch(name):
         raise InputError(
             f"'{name}' is no name for a sensor type: use small letters and digits, and - or _ "

@@ -207,6 +207,59 @@ def test_sensors_that_cannot_be_planned_for_are_named(bench, make_boards):
     assert all({*p.seen_by} == {"gauge", "left"} for p in result.proposals)
 
 
+def test_a_root_that_cannot_be_planned_for_is_no_reference(bench):
+    """Poses are given from another sensor to the root; sigmas are those seen from the first."""
+    rig = bench.rig("mute", "left", "gauge")
+    result = plan(rig, bench.registry, exposures=(20,))
+    assert result.reference == "left"
+    sigmas = result.predicted[20]
+    assert {s: bool(np.isfinite(v.size)) for s, v in sigmas.items()} == {
+        "mute": False, "gauge": True}  # fmt: skip
+    expected = se3.inverse(T_root_sensors(bench.rig("gauge", "mute"))["mute"])
+    np.testing.assert_allclose(result.T_root_s["gauge"], expected)
+
+
+def test_a_sensor_that_says_not_where_it_sees_is_thought_to_see_all_around(bench):
+    eye = bench.registry.sensor_type("eye")
+    everywhere = {"back": replace(eye, sees=None)}
+    nowhere = {"back": replace(eye, sees=lambda p_s, config: np.zeros(len(p_s), bool))}
+    rig = bench.rig("gauge", "back")
+    site = Site.of(rig, bench.registry, T_root_sensors(rig), ())
+    seen, unseen = (
+        draw_candidates(
+            replace(site, kinds={**site.kinds, **kinds}), {"back": 8}, np.random.default_rng(2)
+        )
+        for kinds in (everywhere, nowhere)
+    )
+    assert {p.seen_by for p in seen} == {("gauge", "back")}, "before the laser, at its own back"
+    assert unseen == []
+
+
+def test_one_sensor_that_has_seen_the_board_is_a_beginning(bench, make_boards):
+    rig = bench.rig("gauge", "left")
+    seen = bench.observe(rig, make_boards(np.random.default_rng(15), 6))
+    alone = [o for o in seen if o.sensor == "left"]
+    result = plan(rig, bench.registry, alone)
+    assert result.unjoined == ("left",)
+    assert np.isinf(result.recorded["left"].size)
+    assert np.isfinite(result.after["left"].size)
+    assert {s for p in result.proposals for s in p.seen_by} == {"gauge", "left"}
+
+
+def test_boards_held_every_way_round_do_not_say_where_is_up(bench, make_boards):
+    rig = bench.rig("gauge", "left")
+    held = [("board", T) for T in make_boards(np.random.default_rng(16), 8, tilt_deg=10.0)]
+    over = [("board", T @ np.diag([-1.0, -1, 1, 1])) for _, T in held]
+    fallen = [("board", T @ se3.transform(se3.exp_so3(np.array([0, 0, np.pi / 2])), np.zeros(3)))
+              for _, T in held]  # fmt: skip
+
+    def up(boards):
+        return Site.of(rig, bench.registry, T_root_sensors(rig), boards).up
+
+    np.testing.assert_array_equal(up([*held, *over]), [0, 0, 1])
+    np.testing.assert_allclose(np.abs(up(fallen)), [0, 1, 0], atol=0.1)
+
+
 def test_a_sensor_without_any_pose_is_asked_for_one(bench, make_boards):
     rig = bench.rig(*ALL, changes={"right": {"pose": None}})
     with pytest.raises(ConfigError, match="gives no pose of right as seen from the root 'gauge'"):

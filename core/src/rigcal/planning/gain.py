@@ -98,8 +98,7 @@ def _observed(
     """What the sensor reports of a target at `T_s_t`, without a detector if its type can."""
     if kind.observe is not None:
         return kind.observe(T_s_t, config, target, rng)
-    if kind.simulate is None:
-        return None
+    assert kind.simulate is not None, "of sensors that `can_be_planned`"
     frame = kind.simulate(np.eye(4), Scene(target, T_s_t), config, rng, kind.effects())
     candidates = kind.detect(frame, config, target).candidates
     return candidates[0] if candidates else None

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigcal.errors import CalibrationError, ConfigError
+from rigcal.errors import CalibrationError, ConfigError, NotConvergedError
+from rigcal.graph import joint
 from rigcal.resampling import bootstrap
 
 RIG = {"lidar": ("plane", 0.0), "cam": ("pose", 0.0), "other": ("pose", 10.0)}
@@ -57,6 +58,31 @@ def test_a_sensor_that_is_seldom_drawn(make_ring):
     once = once_each(ring, "other")
     result = bootstrap(ring.rig, ring.registry, once, draws=40)
     assert 5 < result.failed < 30
+
+
+def test_draws_that_determine_nothing_are_counted(make_ring):
+    """Three planes fix a laser; one or two of them, drawn again and again, do not."""
+    ring = make_ring(4, {"lidar": ("plane", 0.0), "other": ("plane", 0.0)}, count=5)
+    result = bootstrap(ring.rig, ring.registry, ring.observations, draws=40)
+    rng = np.random.default_rng(0)
+    different = [len(set(rng.integers(5, size=5))) for _ in range(1000)]
+    expected = 40 * np.mean(np.array(different) < 3)
+    assert result.failed + result.draws == 40
+    assert expected / 2 < result.failed < 2 * expected
+
+
+def test_a_draw_without_a_minimum_is_counted_and_the_others_go_on(make_ring, monkeypatch):
+    ring, solve = make_ring(2, RIG, count=30), joint.solve
+    minima = iter([True] * 11 + [False, True, False] + [True] * 100)
+
+    def sometimes(*args, **options):
+        if not next(minima):
+            raise NotConvergedError("its steps do not end")
+        return solve(*args, **options)
+
+    monkeypatch.setattr(joint, "solve", sometimes)
+    result = bootstrap(ring.rig, ring.registry, ring.observations, draws=20)
+    assert (result.draws, result.failed) == (18, 2)
 
 
 def test_more_draws_fail_than_not(make_ring):

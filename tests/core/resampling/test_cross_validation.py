@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigcal.errors import Cancelled, ConfigError
+from rigcal.errors import CalibrationError, Cancelled, ConfigError
 from rigcal.resampling import cross_validate
 
 TWO = {"lidar": ("plane", 0.0), "cam": ("pose", 0.0)}
@@ -53,6 +53,26 @@ def test_what_rests_on_a_few_exposures_is_named(make_ring):
     assert not result.holds
     (problem,) = (fold.problem for fold in result.folds if fold.problem)
     assert "nothing links: {lidar}; {cam, other}" in problem
+
+
+def test_where_every_exposure_is_needed_there_is_nothing_to_hold_out(make_ring):
+    """Two lasers are linked by five boards, not by four."""
+    ring = make_ring(4, {"lidar": ("plane", 0.0), "other": ("plane", 0.0)}, count=5)
+    message = r"none of 5 folds gives a calibration that explains .*; the sensors fall into 2"
+    with pytest.raises(CalibrationError, match=message):
+        cross_validate(ring.rig, ring.registry, ring.observations, folds=5)
+
+
+def test_a_sensor_that_no_fold_explains_has_no_figures(make_ring):
+    """What is seen in one exposure only is lost with the fold that holds it out."""
+    ring = make_ring(0, THREE, count=48)
+    first = next(o for o in ring.observations if o.sensor == "other" and o.candidates)
+    seen = tuple(o for o in ring.observations if o.sensor != "other" or o is first)
+    result = cross_validate(ring.rig, ring.registry, seen, folds=4)
+    assert set(result.sensors) == {"lidar", "cam"}
+    (fold,) = (fold for fold in result.folds if fold.problem)
+    assert first.exposure in fold.exposures
+    assert "other" in fold.problem
 
 
 def test_the_same_seed_gives_the_same_and_the_data_stay(make_ring):

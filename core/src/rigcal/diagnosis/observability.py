@@ -59,6 +59,11 @@ def judge(
     return Verdict(reference, verdicts)
 
 
+def leaves_open(information: Array, sensors: int, numbers: int) -> bool:
+    """Whether information (6 S + Q, 6 S + Q) of free sensors and numbers leaves an axis open."""
+    return bool(np.any(np.diagonal(_covariance(information, sensors, numbers)) > 1.0))
+
+
 def _covariance(information: Array, sensors: int, numbers: int) -> Array:
     """(6 S, 6 S) of the sensors in units of what is open, with bounds for what is unknown."""
     unit = np.concatenate([np.tile(OPEN, sensors), np.ones(numbers)])

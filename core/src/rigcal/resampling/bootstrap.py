@@ -7,14 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rigcal.diagnosis.observability import leaves_open
 from rigcal.errors import CalibrationError, ConfigError
 from rigcal.estimation import prepare, solved
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph import joint
 from rigcal.graph.edge import SensorTargetEdge
+from rigcal.graph.information import SensorInformation
 from rigcal.graph.method import Method
 from rigcal.graph.solve import Solution
+from rigcal.graph.stack import poses_of
 from rigcal.observation import Observation
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
@@ -94,7 +97,10 @@ def bootstrap(
 def _drawn(
     full: Solution, drawn: Sequence[Sequence[SensorTargetEdge]], fixed: frozenset[str]
 ) -> dict[str, Array] | None:
-    """The sensors' poses; None if a sensor was not drawn, or if there is no minimum."""
+    """The sensors' poses; None if a sensor was not drawn, or if they leave a pose open.
+
+    An axis that nothing tells stays where it was, and would make the scatter too small.
+    """
     edges, boards = [], {}
     for i, own in enumerate(drawn):
         # An exposure that is drawn twice is two, each with a board of its own.
@@ -104,9 +110,13 @@ def _drawn(
     if {e.sensor for e in edges} != {e.sensor for e in full.edges}:
         return None
     try:
-        return joint.solve(edges, full.sensors, boards, fixed, full.numbers).sensors
+        found = joint.solve(edges, full.sensors, boards, fixed, full.numbers)
     except CalibrationError:
         return None
+    told = SensorInformation(edges, found.sensors, list(boards), fixed, found.numbers)
+    matrix, _ = told.at(poses_of(found.targets))
+    free = sum(s not in fixed for s in found.sensors)
+    return None if leaves_open(matrix, free, len(found.numbers)) else found.sensors
 
 
 def _scatter(T: Array, center: Array) -> Array:

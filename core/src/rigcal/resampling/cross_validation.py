@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rigcal.calibration import ResidualStatistics
-from rigcal.errors import CalibrationError, ConfigError
+from rigcal.errors import CalibrationError, ConfigError, ObservationError
 from rigcal.estimation import prepare, solved
 from rigcal.exposures import by_exposure
 from rigcal.geometry.se3 import Array
@@ -111,7 +111,8 @@ def cross_validate(
         try:
             rest = prepare(rig, registry, [o for o in observations if o.exposure not in held], seed)
             found, _ = solved(rest, method)
-        except CalibrationError as error:
+        except (CalibrationError, ObservationError) as error:
+            # Some sensors may have seen the target in this fold only.
             made.append(Fold(held, str(error)))
             continue
         made.append(Fold(held))

@@ -56,6 +56,14 @@ def test_covariances_and_sigmas_survive_the_file(calibration, tmp_path):
         )
 
 
+def test_pose_between_sensors_that_nothing_connects_is_an_error(calibration):
+    with pytest.raises(ConfigError, match=r"no way from sensor 'gps' .*has: root, a, b"):
+        calibration.T("a", "gps")
+    circle = {"a": SensorResult("b", np.eye(4)), "b": SensorResult("a", np.eye(4))}
+    with pytest.raises(ConfigError, match="no way from sensor 'a' to root 'root'"):
+        Calibration("root", circle).T("root", "a")
+
+
 def test_without_a_joint_covariance_it_says_so(calibration):
     alone = Calibration("root", calibration.sensors)
     with pytest.raises(ConfigError, match="no covariance between sensors"):

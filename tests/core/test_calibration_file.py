@@ -104,6 +104,7 @@ def test_hand_written_tree_without_its_root(tmp_path: Path) -> None:
         ("x: 1, y: 0, z: 0}", "x: 1, y: 0}", ":7: sensors.b.translation_m: key 'z' is missing"),
         ("x: 1,", "x: .nan,", ":7: sensors.b.translation_m.x: found nan, expected"),
         ("{x: 1, y: 0, z: 0}", "[1, 0, 0]", ":7: sensors.b.translation_m: found a list of 3, expe"),
+        ("root: a", "root: c", ":9: sensors.c: 'c' is the root: its parent must be 'c', its pose"),
         ("  b:\n", "  b:\n    covarianc: 1\n", ": unknown key, did you mean 'covariance'?"),
         ("  b:\n", "  b:\n    covariance: [[1]]\n", ":6: sensors.b.covariance"),
     ],

@@ -57,6 +57,12 @@ def test_error_in_sigmas() -> None:
     assert evaluate(TRUTH, TRUTH).sensors["b"].nees is None
 
 
+def test_covariance_that_gives_no_standard_deviations_is_an_error() -> None:
+    singular = _moved([0.02, 0.0, 0.0, 0.0, 0.0, 0.0], np.diag([1e-4] * 5 + [0.0]))
+    with pytest.raises(ConfigError, match=r"sensor 'b' is not positive definite.*leave it out"):
+        evaluate(singular, TRUTH)
+
+
 def test_covariance_counts_in_the_parent_where_it_is_stated() -> None:
     # b is off by 2 sigmas in a, c by 1 sigma in b, whatever c is in the root.
     sigma = np.diag([0.01] * 6) ** 2

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -198,3 +199,40 @@ def test_other_npz_files_and_versions_are_named(tmp_path: Path) -> None:
 def test_a_missing_file_is_an_error_in_words(tmp_path: Path) -> None:
     with pytest.raises(ObservationError, match=r"none\.npz: cannot be read: No such file"):
         load_observations(tmp_path / "none.npz")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m, d: d.update(format="rigcal-rigs"), "format 'rigcal-rigs', expected 'rigcal-obs"),
+        (lambda m, d: m.update({"0.data": m["0.data"][:-1]}), "asks for 6 of 5 values"),
+        (lambda m, d: d["observations"].update(candidates=[1, 0]), "have 1 candidates, the file 2"),
+        (lambda m, d: d["observations"]["reason"].pop(), "not a whole file of observations"),
+    ],
+)
+def test_a_file_that_contradicts_itself_is_refused(
+    tmp_path: Path, change: Callable[[dict[str, Any], dict[str, Any]], object], message: str
+) -> None:
+    """As programs leave it that write such files themselves."""
+    path = tmp_path / "o.npz"
+    save_observations(path, [_plane(k) for k in range(2)])
+    with np.load(path) as archive:
+        members = dict(archive)
+    document = json.loads(members["header"].tobytes())
+    change(members, document)
+    members["header"] = np.frombuffer(json.dumps(document).encode(), np.uint8)
+    np.savez(path, **members)
+    with pytest.raises(ObservationError, match=message):
+        load_observations(path)
+
+
+def test_too_little_memory_is_not_taken_for_a_damaged_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    save_observations(tmp_path / "o.npz", [_plane(0)])
+    monkeypatch.setattr(np, "load", load)
+    with pytest.raises(MemoryError):
+        load_observations(tmp_path / "o.npz")

@@ -184,7 +184,8 @@ def _check_tree(problems: Problems, file: _File) -> None:
             chain.append(up)
         if name == file.root:
             if sensor.parent != name or not np.allclose(sensor.T, np.eye(4), atol=1e-9):
-                problems.add(path, f"the root has itself as parent, without any motion: '{name}'")
+                found = f"'{name}' is the root: its parent must be '{name}', its pose the identity"
+                problems.add(path, f"{found}; correct it, or leave it out")
         elif sensor.parent not in known:
             found = f"no sensor '{sensor.parent}'{nearest_of(sensor.parent, known)}"
             problems.add((*path, "parent"), found)

@@ -49,11 +49,8 @@ class Problems:
         """Note what is wrong at a path such as ("sensors", "cam0")."""
         self._found.append((path, text))
 
-    def validate(self, model: type[_M], data: object, path: Place = ()) -> _M | None:
+    def validate(self, model: type[_M], data: dict[Any, Any], path: Place = ()) -> _M | None:
         """`data` as an instance of `model`, or None after noting every error in it."""
-        if not isinstance(data, dict):
-            self.add(path, f"found {describe(data)}, expected a mapping (`key: value` lines)")
-            return None
         try:
             return model.model_validate(data)
         except ValidationError as error:
@@ -100,8 +97,8 @@ def read_document(path: Path | str, holds: str) -> Document:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ConfigError(f"{path}: cannot be read as {holds}: {reason}") from error
-    loader = yaml.SafeLoader(text)
     try:
+        loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         if node is None:
             raise ConfigError(f"{path}: the file is empty, expected {holds}")
@@ -112,10 +109,9 @@ def read_document(path: Path | str, holds: str) -> Document:
         mark = error.problem_mark or error.context_mark
         place = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else str(path)
         raise ConfigError(f"{place}: not valid YAML: {error.problem or error.context}") from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        # Control characters; a 13th month, which is read as a date; an alias that holds itself.
         raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
-    finally:
-        loader.dispose()
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: found {describe(data)}, expected {holds}: a mapping of keys")
     return Document(str(path), data, lines)

@@ -130,4 +130,7 @@ def _nees(calibration: Calibration, truth: Calibration, name: str) -> float | No
     try:
         return float(np.sum(np.linalg.solve(np.linalg.cholesky(result.covariance), xi) ** 2))
     except np.linalg.LinAlgError:
-        raise ConfigError(f"the covariance of sensor '{name}' is not positive definite") from None
+        raise ConfigError(
+            f"the covariance of sensor '{name}' is not positive definite, so that its error cannot "
+            "be counted in standard deviations; correct it, or leave it out of the file"
+        ) from None

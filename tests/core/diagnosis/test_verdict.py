@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rigcal.diagnosis.observability import judge
-from rigcal.diagnosis.verdict import AXES
+from rigcal.diagnosis.verdict import AXES, PLAN, Axis, SensorVerdict, Verdict
 from rigcal.geometry import se3
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.residual import PlaneResidual, PoseResidual, whitener
@@ -128,3 +128,21 @@ def test_plain_data_of_a_verdict_name_every_axis():
     assert axes["rotation_z"] == {"state": "open", "sigma": None}
     assert axes["rotation_x"]["state"] == "determined"
     assert 0 < axes["rotation_x"]["sigma"] < 1e-2
+
+
+def test_weak_poses_are_told_with_their_spread_and_what_to_record():
+    good, loose, tilted = Axis("determined", 1e-4), Axis("weak", 0.03), Axis("weak", 0.02)
+    sound = SensorVerdict((good,) * 6)
+    weak = SensorVerdict(
+        (tilted, *(good,) * 4, loose), ("its boards are far away",), ("boards nearer to it",)
+    )
+    verdict = Verdict("root", {"cam": sound, "scan": weak})
+    assert verdict.lines() == [
+        "Every pose is determined, weakly that of scan.",
+        "  scan, about and along the axes of its own frame, as seen from root:",
+        "    weak: rotation about x (+-1.1 deg), translation along z (+-30 mm)",
+        "    because its boards are far away",
+        "    to record: boards nearer to it",
+        PLAN,
+    ]
+    assert Verdict("root", {"cam": sound, "scan": sound}).lines() == ["All 2 poses are determined."]

@@ -6,7 +6,7 @@ import numpy as np
 
 from rigcal.geometry.se3 import Array
 from rigcal.geometry.shapes import plane_of_target, tangent_basis
-from rigcal.observation import Geometry, LineGeometry, PlaneGeometry, PointGeometry, PoseGeometry
+from rigcal.observation import Geometry, LineGeometry, PlaneGeometry, PoseGeometry
 from rigcal.targets.target import Target
 
 
@@ -34,8 +34,7 @@ def center_of(g: Geometry) -> Array:
             return g.center
         case LineGeometry():
             return (g.start + g.end) / 2
-        case PointGeometry():
-            return g.position
+    return g.position
 
 
 def board_points(g: PlaneGeometry | LineGeometry, half: float) -> Array:

@@ -113,7 +113,7 @@ def _check_timing(
         problems.add(("sensors", name, "jitter_s"), text)
 
 
-def _are_effects(problems: Problems, registry: Registry, kind: str, data: object) -> bool:
+def _are_effects(problems: Problems, registry: Registry, kind: str, data: dict[str, Any]) -> bool:
     """Whether `data` are effects of a sensor type; what is wrong is noted."""
     path = ("defaults", kind)
     try:

@@ -63,7 +63,7 @@ def test_programs_get_all_of_it(validate: Validate, monkeypatch: pytest.MonkeyPa
     assert answer["folds"][0] == {"exposures": ["1", "2"], "problem": ""}
     assert answer["sensors"]["bow"]["held_out_rms"] == 0.0115
     assert "bootstrap" not in answer
-    drawn = Bootstrap(30, 2, {"stern": Scatter(np.eye(6) * 4e-6, np.eye(6) * 1e-6)})
+    drawn = Bootstrap({"stern": Scatter(np.eye(6) * 4e-6, np.eye(6) * 1e-6)}, 30, 2)
     monkeypatch.setattr("rigcal.resampling.bootstrap", lambda *_: drawn)
     answer = json.loads(validate("--bootstrap", "32", "--json").out)["bootstrap"]
     assert (answer["draws"], answer["failed"]) == (30, 2)

@@ -232,6 +232,15 @@ def test_every_file_says_its_directions(form: str) -> None:
         assert order in text
 
 
+def test_files_of_a_rig_without_cameras_speak_of_no_optical_frames() -> None:
+    rig = _rig("lidar", base=True)
+    lasers = {name: POSES[name] for name in ("lidar", "front")}
+    calibration = Calibration("lidar", {n: SensorResult("lidar", T) for n, T in lasers.items()})
+    text = rigcal.export(calibration, Registry(), "urdf", rig)
+    assert "optical" not in text
+    assert "front" in text
+
+
 def test_two_frames_of_one_name_are_refused() -> None:
     rig = _rig("lidar", base=True)
     assert rig.base is not None

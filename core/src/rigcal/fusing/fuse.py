@@ -67,7 +67,13 @@ def fuse(
     views = {name: _view(rig, registry, name, m) for name, m in messages.items()}
     lags = {n: (m.stamp_ns - messages[leader].stamp_ns) * 1e-9 for n, m in messages.items()}
     clouds = {n: _in_root(calibration, n, v) for n, v in views.items() if v.points is not None}
-    images = {n: v.image for n, v in views.items() if v.image is not None}
+    if not clouds:
+        raise _without_points(rig)
+    images = {
+        n: v.image
+        for n, v in views.items()
+        if v.image is not None and registry.sensor_type(rig.sensors[n].type).project is not None
+    }
     cameras = tuple(sorted(images, key=lambda n: (abs(lags[n]), list(rig.sensors).index(n))))
     flat = frozenset(n for n in clouds if registry.sensor_type(rig.sensors[n].type).flat)
     points = np.concatenate(list(clouds.values()))
@@ -100,10 +106,14 @@ def _leader(rig: Rig, registry: Registry) -> str:
     kinds = {name: registry.sensor_type(config.type) for name, config in rig.sensors.items()}
     seeing = [n for n, k in kinds.items() if k.view is not None and k.project is None]
     if not seeing:
-        raise ConfigError(
-            f"no sensor of rig '{rig.name}' sees points: fuse needs a laser beside the cameras"
-        )
+        raise _without_points(rig)
     return next((n for n in seeing if not kinds[n].flat), seeing[0])
+
+
+def _without_points(rig: Rig) -> ConfigError:
+    return ConfigError(
+        f"no sensor of rig '{rig.name}' sees points: fuse needs a laser beside the cameras"
+    )
 
 
 def _view(rig: Rig, registry: Registry, name: str, message: object) -> FrameView:
@@ -131,11 +141,10 @@ def _seen(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Pixels (N, 2), ranges (N,), and which points the camera shows."""
     config = rig.sensors[name]
-    kind = registry.sensor_type(config.type)
-    if kind.project is None:
-        return np.zeros((len(points), 2)), np.zeros(len(points)), np.zeros(len(points), bool)
+    project = registry.sensor_type(config.type).project
+    assert project is not None
     p_c = se3.apply(se3.inverse(calibration.T(calibration.root, name)), points)
-    uv, inside = kind.project(p_c, config)
+    uv, inside = project(p_c, config)
     ranges = np.linalg.norm(p_c, axis=1)
     return uv, ranges, visible(uv, ranges, inside)
 

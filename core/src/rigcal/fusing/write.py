@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rigcal.errors import InputError
 from rigcal.files import replacing
 from rigcal.fusing.colour import Image
 from rigcal.fusing.fuse import Fused
@@ -48,8 +47,6 @@ def _write_ply(path: Path, fused: Fused) -> None:
 def _write_png(path: Path, picture: Image) -> None:
     import cv2
 
-    ok, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
-    if not ok:
-        raise InputError(f"{path}: the picture cannot be encoded")
+    _, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
     with replacing(path) as temporary:
         temporary.write_bytes(data.tobytes())

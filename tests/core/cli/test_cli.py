@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from rigcal import __version__
-from rigcal.calibration import Calibration, SensorResult
+from rigcal.calibration import Calibration, RefinedNumber, Rejection, SensorResult
 from rigcal.calibration_file import load_calibration, save_calibration
 from rigcal.errors import InputError, NotConnectedError, RecordingError
 from rigcal.observation_file import load_observations
+from rigcal.plugin import hookimpl
+from rigcal.rig import Rig
 
 Command = Callable[..., Any]
 DETECT, CALIBRATE = import_module("rigcal.detection"), import_module("rigcal.estimation")
@@ -66,6 +70,71 @@ def test_calibration_tells_what_it_was_made_from(place: Path, command: Command) 
     (place / "recording" / "bow" / "1.csv").write_text("1,2,4")
     command("calibrate", "rig.yaml", "recording", "--out", "c", "--no-report", "-q")
     assert Path("c/calibration.yaml").read_bytes() != first
+
+
+def test_what_a_second_look_finds_is_saved_and_told(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: Command
+) -> None:
+    def look_again(rig: Rig, registry: object, data: object, seen: Any, *_: object) -> Any:
+        return [replace(o, candidates=seen[0].candidates) for o in seen]
+
+    run = ("calibrate", "rig.yaml")
+    options = ("--no-report", "-q")
+    monkeypatch.setattr("rigcal.second_look.look_again", look_again)
+    assert command(*run, "recording", "--out", "a", *options).code == 0
+    assert len([o for o in load_observations("a/observations.npz")[0] if o.candidates]) == 4
+    assert command(*run, "recording", "--out", "b", "--second-look", *options).code == 0
+    assert len([o for o in load_observations("b/observations.npz")[0] if o.candidates]) == 6
+    assert load_calibration("b/calibration.yaml").provenance["second_look"] == {
+        "bow": 1, "stern": 1,
+    }  # fmt: skip
+    # Those observations are told apart from what detection alone finds, also when used again.
+    assert command(*run, "b/observations.npz", "--out", "c", *options).code == 0
+    assert Path("b/calibration.yaml").read_bytes() == Path("c/calibration.yaml").read_bytes()
+    ran = command(*run, "b/observations.npz", "--out", "d", "--second-look", *options)
+    assert ran.code == 2
+    assert "--second-look searches a recording again, and b/observations.npz holds" in ran.err
+    # Nothing is estimated twice where nothing was found.
+    monkeypatch.setattr("rigcal.second_look.look_again", lambda *arguments: arguments[3])
+    assert command(*run, "recording", "--out", "e", "--second-look", *options).code == 0
+    assert Path("a/calibration.yaml").read_bytes() == Path("e/calibration.yaml").read_bytes()
+
+
+def test_calibrate_prints_what_was_refined_and_the_most_frequent_reasons(
+    place: Path, monkeypatch: pytest.MonkeyPatch, calibration: Calibration, command: Command
+) -> None:
+    scale = RefinedNumber(1.0021, 0.0004, 1.0)
+    bias = RefinedNumber(-0.012, 0.001, 0.0, "m")
+    stern = SensorResult("bow", np.eye(4), refined={"range_bias": bias})
+    lost = [Rejection("bow", str(i), f"{i}.csv", f"reason {i % 14}") for i in range(40)]
+    lost += [Rejection("stern", str(i), f"{i}.csv", "deaf") for i in range(10)]
+    result = replace(
+        calibration,
+        sensors={"bow": calibration.sensors["bow"], "stern": stern},
+        refined_targets={"board": {"scale": scale}},
+        rejected=tuple(lost),
+    )
+    monkeypatch.setattr(CALIBRATE, "calibrate", lambda *_, **__: result)
+    ran = command("calibrate", "rig.yaml", "recording", "--out", "r", "--no-report")
+    assert ran.code == 0
+    rows = [line.split() for line in ran.out.splitlines()]
+    assert ["stern", "range_bias", "-12", "mm", "1", "mm", "0", "mm"] in rows
+    assert ["board", "scale", "1.0021", "0.0004", "1"] in rows
+    assert "sigma mm" not in ran.out  # there is no covariance of any
+    assert "Left out: 50 observations\n  stern: 10 (0, 1, 2, 3, 4, 5, 6, 7, ...): deaf\n" in ran.out
+    assert "  bow: 3 (0, 14, 28): reason 0\n" in ran.out
+    assert "  bow: 2 (13, 27): reason 13\n" not in ran.out
+    assert "  ... and 3 more reasons in calibration.yaml\n" in ran.out
+
+
+def test_result_that_cannot_be_replaced_is_told_before_any_work(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: Command
+) -> None:
+    (place / "r" / "report.html").mkdir(parents=True)
+    monkeypatch.setattr(DETECT, "detect", lambda *_: pytest.fail("work was lost"))
+    ran = command("calibrate", "rig.yaml", "recording", "--out", "r")
+    assert ran.code == 2
+    assert "r/report.html: cannot be replaced: " in ran.err
 
 
 def test_calibrate_json_is_the_calibration(place: Path, command: Command) -> None:
@@ -175,6 +244,12 @@ def test_evaluate(place: Path, calibration: Calibration, command: Command) -> No
     ran = command("evaluate", "calibration.yaml", "--truth", "truth.yaml")
     assert ran.code == 0
     assert "2.000" in ran.out
+    assert "not in the" not in ran.out
+    save_calibration("more.yaml", Calibration("bow", {**sensors, "mast": sensors["stern"]}))
+    ran = command("evaluate", "more.yaml", "--truth", "truth.yaml")
+    assert "not in the truth: mast\n" in ran.out
+    ran = command("evaluate", "truth.yaml", "--truth", "more.yaml")
+    assert "not in the calibration: mast\n" in ran.out
     assert command("evaluate", "calibration.yaml", "--truth", "no.yaml").code == 2
 
 
@@ -219,6 +294,24 @@ def test_command_of_a_plugin(place: Path, command: Command) -> None:
     assert "ping" in ran.out
 
 
+def test_command_of_a_plugin_does_not_replace_one_of_rigcal(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: Command
+) -> None:
+    @hookimpl
+    def rigcal_commands() -> list[Any]:
+        return [("evaluate", lambda: pytest.fail("it is not rigcal's")), ("hello", lambda: None)]
+
+    module = SimpleNamespace(rigcal_commands=rigcal_commands)
+    entry = SimpleNamespace(name="acme", load=lambda: module, dist=None, attr="x", module="acme")
+    monkeypatch.setattr("rigcal.plugin.registry.entry_points", lambda group: [entry])
+    ran = command("evaluate", "no.yaml", "--truth", "no.yaml")
+    assert ran.code == 2
+    assert "no.yaml: no such file" in ran.err
+    warning = "a plugin offers the command 'evaluate', which is rigcal's own: left out"
+    assert f"WARNING: {warning}\n" in ran.err
+    assert command("hello").code == 0
+
+
 def test_unexpected_error_is_one_message_and_a_traceback_with_v(
     place: Path, command: Command
 ) -> None:
@@ -256,6 +349,7 @@ def test_target_writes_the_page_and_says_how_large_it_is(place: Path, command: C
     assert answer["board_mm"] == [400, 300]
     assert answer["page_mm"][0] == 430
     assert Path(answer["page"]).read_text().startswith("<?xml")
+    assert command("target", "rig.yaml", "--out", "b.svg", "--quiet") == (0, "", "")
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,7 @@ def calibrate(
     json: Json = False,
 ) -> None:
     """Estimate where the sensors are."""
+    from rigcal.errors import InputError
     from rigcal.estimation import calibrate as estimate
     from rigcal.exposures import association_of
     from rigcal.observation_file import save_observations
@@ -76,6 +77,11 @@ def calibrate(
     from rigcal.rig import load_rig
     from rigcal.second_look import found_again, look_again
 
+    if second_look and data.suffix == ".npz":
+        raise InputError(
+            f"--second-look searches a recording again, and {data} holds observations; give the "
+            "recording that they were made of"
+        )
     make_folder(out)
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)

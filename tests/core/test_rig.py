@@ -76,6 +76,17 @@ RIG: dict[str, Any] = {
     },
 }
 
+POSTER = {
+    "type": "apriltag_poster",
+    "width_m": 1.0,
+    "height_m": 0.5,
+    "tags": [
+        {"id": 1, "x_m": 0.0, "y_m": 0.0, "size_m": 0.2},
+        {"id": 2, "x_m": 0.5, "y_m": 0.0, "size": 0.2},
+    ],
+}
+QUARTER = {"w": 0.5**0.5, "x": 0.0, "y": 0.0, "z": 0.5**0.5}
+
 
 def _rig(**changes: Any) -> dict[str, Any]:
     """RIG with values replaced, keys by path: `sensors__bow__topic`."""
@@ -143,6 +154,18 @@ def test_valid_rig() -> None:
             {"sensors__bow__pose": _pose("bow", 1, 2, 3)},
             "rig: sensors.bow.pose.parent: the poses go in a circle: bow -> bow",
         ),
+        (
+            {"sensors__bow__pose": _pose("stern", rpy_deg=(0, 0, 1), rotation=QUARTER)},
+            "rig: sensors.bow.pose: give either rpy_deg or rotation, not both",
+        ),
+        (
+            {"targets__board": POSTER},
+            "rig: targets.board.tags[1].size: unknown key, did you mean 'size_m'?",
+        ),
+        (
+            {"sensors__bow__refine": ["gain"]},
+            "rig: sensors.bow.refine[0]: a sensor of type sonar has nothing to refine",
+        ),
     ],
 )
 def test_wrong_rig_is_refused(changes: dict[str, Any], message: str) -> None:
@@ -205,6 +228,15 @@ sensors:
 )
 def test_file_that_is_no_rig(tmp_path: Path, text: str, message: str) -> None:
     assert _load(tmp_path, text).startswith(message)
+
+
+def test_a_rig_without_any_plugin_is_told_to_install_one() -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(RIG, Registry())
+    for sensor in ("bow", "stern"):
+        assert f"rig: sensors.{sensor}.type: no sensor type 'sonar' (installed: none);" in str(
+            caught.value
+        )
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:

@@ -164,8 +164,7 @@ def residual_of_geometry(candidate: Candidate) -> Residual:
             A[:2, :3] = tangent_basis(g.normal).T @ se3.skew(g.normal)
             A[2] = -np.append(g.center, 1.0)
             return PlaneResidual(whitener(g.covariance) @ A)
-        case LineGeometry():
-            return _line_residual(g)
+    return _line_residual(g)
 
 
 def _line_residual(g: LineGeometry) -> PlaneResidual:

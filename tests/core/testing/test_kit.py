@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from rigcal.plugin import (
     Message,
     ObservationError,
     PointGeometry,
+    RecordingError,
     Scene,
     SensorConfig,
     SensorType,
@@ -25,6 +27,8 @@ from rigcal.plugin import (
 from rigcal.recording import ros
 from rigcal.residual import PointResidual
 from rigcal.testing import SensorConformance
+from rigcal.testing.reference import REFERENCE, ReferenceConfig
+from rigcal.testing.same import assert_same
 
 POINT = "geometry_msgs/msg/PointStamped"
 
@@ -79,6 +83,19 @@ class TestBeacon(SensorConformance):
     config = BeaconConfig(topic="/beacon")
     # It is not installed.
     test_discovery_finds_it_and_imports_nothing_heavy = None  # type: ignore[assignment]
+
+
+class TestReceiver(SensorConformance):
+    """A type that does not simulate passes with messages that its author makes."""
+
+    sensor_type = replace(BEACON, simulate=None, encode=None)
+    config = BeaconConfig(topic="/beacon")
+    test_discovery_finds_it_and_imports_nothing_heavy = None  # type: ignore[assignment]
+
+    def message(self, T_s_t: Array, config: Any, rng: np.random.Generator) -> Message:
+        """The board's origin as a point."""
+        frame = T_s_t[:3, 3] + rng.normal(0, config.sigma_m, 3)
+        return Message(POINT, _encode(frame, config, 0, "sensor"), 0, None, "a point of ours")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +154,12 @@ def _echo(frame: Array, config: Any, target: Any, T_s_t: Array) -> Detection:
     return _detect(T_s_t[:3, 3], config, target)
 
 
+def _unready(r: Array) -> Array:
+    if not np.isfinite(r).all():
+        raise FloatingPointError("no number")
+    return r
+
+
 FAULTS: dict[str, tuple[SensorType, str]] = {
     "Jacobian": (_twisted(columns=lambda J: J * 1.01), "jacobian_is_the_derivative"),
     "whitening": (_twisted(rows=lambda r: r / 1.3), "residual_is_whitened"),
@@ -173,6 +196,14 @@ FAULTS: dict[str, tuple[SensorType, str]] = {
         "frames_together_know_more_and_not_too_much",
     ),
     "echo": (replace(BEACON, near=_echo), "second_look_shows_nothing_where_nothing_is"),
+    "all-seeing": (
+        replace(BEACON, sees=lambda p, _: np.ones(len(p), bool)),
+        "board_out_of_view_leaves_no_trace",
+    ),
+    "sightless": (
+        replace(BEACON, sees=lambda p, _: np.zeros(len(p), bool)),
+        "board_in_view_is_in_the_frame",
+    ),
     "visibility": (
         replace(BEACON, sees=lambda p, _: p[:, 0] < 0),
         "board_out_of_view_leaves_no_trace",
@@ -193,6 +224,36 @@ def test_a_fault_fails_its_check(fault: str, tmp_path: Path) -> None:
     stage.folder = tmp_path
     with pytest.raises((AssertionError, ObservationError)):
         getattr(stage, f"test_{check}")()
+
+
+def test_a_residual_that_raises_at_a_pose_is_told_what_to_raise() -> None:
+    class Stage(SensorConformance):
+        sensor_type = _twisted(rows=_unready)
+        config = BeaconConfig(topic="/beacon")
+
+    Stage.__test__ = False  # type: ignore[attr-defined]
+    message = r"measurement 'p' not finite: the residual raised FloatingPointError; raise rigcal"
+    with pytest.raises(AssertionError, match=message):
+        Stage().test_damaged_measurement_is_an_error_or_a_whole_residual("not finite")
+
+
+def test_the_reference_sensor_of_the_kit_reads_no_recordings() -> None:
+    message = Message(POINT, None, 0, None, "bag, message 3")
+    with pytest.raises(RecordingError, match="bag, message 3: the reference sensor has no"):
+        REFERENCE.decode(message, ReferenceConfig())
+    found = REFERENCE.detect(None, ReferenceConfig(), TestBeacon().target)
+    assert (found.candidates, found.reason) == ((), "the reference sensor observes only")
+
+
+def test_frames_may_be_objects_of_any_class() -> None:
+    def frame(**changes: Any) -> SimpleNamespace:
+        return SimpleNamespace(**{"ranges": np.ones(3), "unit": "m", "_cache": object()} | changes)
+
+    assert_same(frame(), frame())
+    with pytest.raises(AssertionError, match=r"the frame\.unit: 'm' and 'mm'"):
+        assert_same(frame(), frame(unit="mm"))
+    with pytest.raises(AssertionError, match=r"the frame\.ranges"):
+        assert_same(frame(), frame(ranges=np.ones(3) + 1e-9))
 
 
 def test_a_class_without_a_config_is_told() -> None:

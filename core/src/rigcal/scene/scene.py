@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-from rigcal.scene.shapes import Cylinder, Shape, Sphere
+from rigcal.scene.shapes import Cylinder, GreyShape, Shape, Sphere
 from rigcal.scene.surface import BentBoard, Surface
 from rigcal.targets.target import Target
 
@@ -24,7 +24,7 @@ class Scene:
     solids: tuple[Cylinder | Sphere, ...] = ()
 
     @property
-    def shapes(self) -> tuple[Shape, ...]:
+    def shapes(self) -> tuple[GreyShape, ...]:
         """All but the target: the surfaces, then the solids."""
         return (*self.surfaces, *self.solids)
 
@@ -67,9 +67,8 @@ class Scene:
         footprint = np.broadcast_to(footprint_m, hit.shape)
         for index, shape in enumerate(self.shapes, start=1):
             here = np.flatnonzero(hit == index)
-            if len(here):
-                p_f = se3.apply(se3.inverse(shape.T_w_f), p_w[here])
-                greys[here] = shape.greys(p_f, footprint[here])
+            p_f = se3.apply(se3.inverse(shape.T_w_f), p_w[here])
+            greys[here] = shape.greys(p_f, footprint[here])
         return greys
 
 

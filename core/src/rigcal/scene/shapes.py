@@ -14,12 +14,7 @@ _TINY = 1e-15
 
 
 class Shape(Protocol):
-    """A thing at `T_w_f` (4, 4), described in its own frame f; `grey` in [0, 1] is its colour."""
-
-    @property
-    def T_w_f(self) -> Array:
-        """(4, 4)."""
-        ...
+    """A thing that rays meet."""
 
     @property
     def bounds(self) -> tuple[Array, float]:
@@ -31,6 +26,15 @@ class Shape(Protocol):
 
         p_w: origins (3,) or (N, 3); d_w: unit directions (N, 3).
         """
+        ...
+
+
+class GreyShape(Shape, Protocol):
+    """A thing at `T_w_f` (4, 4), described in its own frame f, and how cameras see it."""
+
+    @property
+    def T_w_f(self) -> Array:
+        """(4, 4)."""
         ...
 
     def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
@@ -61,7 +65,7 @@ class Sphere:
         return _first(middle - half, np.where(square >= 0, middle + half, -np.inf), limit)
 
     def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
-        """See `Shape`."""
+        """See `GreyShape`."""
         return np.full(len(p_f), self.grey)
 
 
@@ -95,7 +99,7 @@ class Cylinder:
         return _first(enter, np.where(square >= 0, leave, -np.inf), limit)
 
     def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
-        """See `Shape`."""
+        """See `GreyShape`."""
         return np.full(len(p_f), self.grey)
 
 

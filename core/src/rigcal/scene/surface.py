@@ -40,10 +40,6 @@ class BentBoard:
         end = p_f + np.where(ahead, t, 0.0)[:, None] * d_f
         return np.where(ahead & inside_convex(end[:, :2], self.outline), t, np.inf)
 
-    def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
-        """See `Shape`."""
-        return np.full(len(p_f), 0.5)
-
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -86,7 +82,7 @@ class Surface:
         return ranges
 
     def greys(self, p_f: Array, footprint_m: Array | float) -> Array:
-        """See `Shape`. At least one texel is averaged, which is bilinear interpolation."""
+        """See `GreyShape`. At least one texel is averaged, which is bilinear interpolation."""
         if self.texture is None:
             return np.full(len(p_f), self.grey)
         low, high = self.polygon.min(axis=0), self.polygon.max(axis=0)

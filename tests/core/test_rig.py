@@ -294,3 +294,9 @@ def test_schema_knows_the_installed_types() -> None:
     assert '"const": "sonar"' in text
     assert '"const": "checkerboard"' in text
     assert "camera" not in text
+
+
+def test_schema_without_a_plugin_knows_what_all_sensors_have() -> None:
+    schema = rig_schema(Registry())
+    assert "topic" in schema["$defs"]["SensorConfig"]["properties"]
+    assert '"const": "sonar"' not in json.dumps(schema)

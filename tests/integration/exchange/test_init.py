@@ -171,6 +171,28 @@ def test_a_camera_without_lens_waits_in_comments(record: Record, tmp_path: Path)
     assert set(again.sensors) == {"cam", "front", "lidar"}
 
 
+def test_a_recording_of_a_camera_without_lens_says_what_to_give(tmp_path: Path) -> None:
+    image = CAMERA.encode(np.zeros((48, 64), np.uint8), CAM, 5, "eye")  # type: ignore[misc]
+    with pytest.raises(InputError) as caught:
+        _proposed(tmp_path / "a.mcap", {"/cam/image_raw": image}, tmp_path)
+    assert str(caught.value) == (
+        f"{tmp_path / 'a.mcap'}: no sensor can be described\n"
+        "  cam: key 'focal_px' is missing; key 'principal_px' is missing\n"
+        "give what is missing in a file of another tool: --from NAME=FILE"
+    )
+
+
+def test_a_lens_that_cannot_be_used_is_told_beside_its_camera(tmp_path: Path) -> None:
+    image = CAMERA.encode(np.zeros((48, 64), np.uint8), CAM, 5, "eye")  # type: ignore[misc]
+    points = ros.make("sensor_msgs/msg/PointCloud2", header=ros.header(5, "velodyne"))
+    info = _info(60.0)
+    info.distortion_model = "omni"
+    topics = {"/cam/image_raw": image, "/cam/camera_info": info, "/lidar/points": points}
+    rig, text = _proposed(tmp_path / "a.mcap", topics, tmp_path)
+    assert list(rig.sensors) == ["lidar"]
+    assert "  # /cam/camera_info: lens model 'omni' is not one that rigcal has" in text
+
+
 def test_a_file_is_given_to_the_sensor_that_is_named(record: Record, tmp_path: Path) -> None:
     other = tmp_path / "left_intrinsics.yml"
     files = rigcal.export(CALIBRATION, REGISTRY, "opencv", RIG)
@@ -183,6 +205,9 @@ def test_a_file_is_given_to_the_sensor_that_is_named(record: Record, tmp_path: P
         rigcal.propose_rig(recording, REGISTRY, [(other, "front")])
     with pytest.raises(ConfigError, match="no sensor 'cams', did you mean 'cam'"):
         rigcal.propose_rig(recording, REGISTRY, [(other, "cams")])
+    poses = rigcal.write_export(tmp_path / "robot.urdf", CALIBRATION, REGISTRY, "urdf", RIG)[0]
+    with pytest.raises(ConfigError, match=r"describes 0 sensors, so it cannot .* that of 'cam'"):
+        rigcal.propose_rig(recording, REGISTRY, [(poses, "cam")])
     rig = _load(rigcal.propose_rig(recording, REGISTRY, [(other, "cam")]), tmp_path)
     assert list(rig.sensors["cam"].model_dump()["focal_px"]) == LENS["focal_px"]
 

@@ -10,6 +10,7 @@ from rigcal.errors import ConfigError, InputError, ObservationError
 from rigcal.observation import Observation
 from rigcal.plugin import SensorConfig
 from rigcal.report import show_timeline, write_timeline
+from rigcal.report.timeline import _upright
 from rigcal.rig import Rig
 
 
@@ -58,3 +59,14 @@ def test_a_folder_that_is_not_there(tmp_path, monkeypatch):
     calibration = Calibration("a", {"a": SensorResult("a", np.eye(4))})
     with pytest.raises(InputError, match="there is no folder"):
         write_timeline(tmp_path / "no" / "line.rrd", calibration, [], None, None)
+
+
+@pytest.mark.parametrize("up", [(0, 0, 1), (0, -1, 0), (0.1, 0.2, -0.9), (0, 0, -1)])
+def test_up_is_up_on_the_screen(up):
+    """By the least rotation: what is across stays where it is."""
+    up = np.array(up) / np.linalg.norm(up)
+    R = _upright(up)
+    np.testing.assert_allclose(R @ up, [0, 0, 1], atol=1e-12)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    least = np.arccos(up[2])
+    assert np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)) == pytest.approx(least, abs=1e-6)

@@ -99,6 +99,19 @@ def _worker(task: tuple[Path, int, int]) -> list[int]:
         return [_number(m) for m in recording.read(SCANS, first, stop)]
 
 
+def test_a_topic_may_be_in_some_files_of_a_bag_only(make_bag: Callable[[str], Path]) -> None:
+    bag = make_bag("mcap folder of two files")
+    text = "std_msgs/msg/String"
+    with RecordingWriter(bag / "bag_1.mcap") as writer:
+        for name, stamp in (("late", STAMPS[7]), ("tock", STAMPS[9])):
+            writer.write(f"/{name}", text, ros.make(text, data=name), stamp)
+    with open_recording(bag) as recording:
+        assert recording.count(SCANS) == 5
+        assert [_number(m) for m in recording.read(SCANS)] == [0, 1, 2, 3, 4]
+        (late,) = recording.read(Source(topic="/late"))
+        assert (late.value.data, late.origin) == ("late", "bag /late #0")
+
+
 @pytest.mark.parametrize("kind", ["mcap", "ros1", "sqlite3 folder"])
 def test_several_processes_read_slices_of_one_recording(
     make_bag: Callable[[str], Path], kind: str

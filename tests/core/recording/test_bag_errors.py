@@ -79,6 +79,22 @@ def test_a_truncated_mcap_says_what_can_be_kept(tmp_path: Path) -> None:
     assert "mcap recover r.mcap -o mended.mcap" in str(error.value)
 
 
+def test_an_mcap_that_ends_within_the_head_of_a_record(make_bag: Callable[[str], Path]) -> None:
+    path = make_bag("mcap without index")
+    closing, footer, end_of_data = 8, 9 + 20, 9 + 4
+    path.write_bytes(path.read_bytes()[: -closing - footer - end_of_data + 4])
+    error = _error(path) or ""
+    assert "with 16 messages can be read, keep them with `mcap recover recording.mcap" in error
+
+
+def test_a_file_that_goes_away_while_it_is_read(make_bag: Callable[[str], Path]) -> None:
+    path = make_bag("mcap without index")
+    with open_recording(path) as recording:
+        path.unlink()
+        with pytest.raises(RecordingError, match=r"cannot be read: .*No such file or directory$"):
+            list(recording.read(SCANS))
+
+
 def test_a_truncated_ros1_bag_says_what_can_be_kept(tmp_path: Path) -> None:
     path = _images(tmp_path / "r.bag")
     path.write_bytes(path.read_bytes()[:3_000_000])
@@ -180,3 +196,21 @@ def test_a_damaged_index_of_a_chunk_is_named_with_its_cure(make_bag: Callable[[s
     content[offset] = 0x0A
     path.write_bytes(content)
     assert "is damaged; rebuild it with `mcap recover" in (_error(path) or "")
+
+
+def test_an_index_of_a_chunk_that_is_too_short_is_named_with_its_cure(
+    make_bag: Callable[[str], Path],
+) -> None:
+    path = make_bag("mcap")
+    reader = McapReader(path)
+    reader.open()
+    offsets = reader.chunks[0].message_index_offsets
+    (scans,) = (c for c in reader.connections if c.topic == "/front/scan")
+    reader.close()
+    content = bytearray(path.read_bytes())
+    size_at = offsets[scans.id] + 11  # after the record's op, its length, and the channel
+    assert content[size_at] == 12 * 16
+    content[size_at] = 16
+    path.write_bytes(content)
+    error = _error(path) or ""
+    assert "the index of topic '/front/scan' has 1 of its 12 messages; rebuild it with" in error

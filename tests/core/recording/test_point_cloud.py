@@ -287,6 +287,13 @@ def _archive() -> bytes:
     return file.getvalue()
 
 
+def _huge() -> bytes:
+    """An array whose header asks for more memory than there is."""
+    file = BytesIO()
+    np.save(file, np.zeros((5, 3)))
+    return file.getvalue().replace(b"(5, 3), }" + b" " * 12, b"(5" + b"0" * 12 + b", 3), }")
+
+
 _PCD = (
     b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\n"
     b"POINTS 1\nDATA ascii\n1 2 3\n"
@@ -307,6 +314,7 @@ _PCD = (
         (".bin", bytes(33), "33 bytes are not a multiple of 16"),
         (".csv", b"", "it is empty"),
         (".ply", b"ply\nformat ascii 1.0\nelement face 0\nend_header\n", "no element 'vertex'"),
+        (".npy", _huge(), "Unable to allocate"),
         (".npy", _archive(), "an archive of several arrays; expected one"),
         (".csv", b"1,2\n3,4\n", "2 columns; expected x, y, z"),
         (".csv", b"x,y,z\n1,2,3\n1,2\n", "columns"),

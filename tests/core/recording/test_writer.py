@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 from contextlib import suppress
 from pathlib import Path
 
@@ -7,7 +8,9 @@ import numpy as np
 import pytest
 from rosbags.interfaces import ConnectionExtRosbag1, ConnectionExtRosbag2, QosDurability
 from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag2 import Writer as Writer2
 
 from rigcal.errors import RecordingError
 from rigcal.geometry import se3
@@ -137,6 +140,36 @@ def test_places_and_formats_that_cannot_be_written(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "r.mcap")
     with pytest.raises(RecordingError, match="not open for writing"):
         writer.write("/t", "std_msgs/msg/String", ros.make("std_msgs/msg/String"), 1)
+
+
+@SUFFIXES
+def test_nothing_is_left_of_a_recording_that_cannot_be_put_in_its_place(
+    tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"r{suffix}"
+    path.mkdir()
+    with (
+        pytest.raises(RecordingError, match=rf"r\{suffix}: cannot be written: Is a directory"),
+        RecordingWriter(path) as writer,
+    ):
+        writer.write("/t", "std_msgs/msg/String", ros.make("std_msgs/msg/String"), 1)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("suffix", "library"), [(".mcap", Writer2), (".bag", Writer1)])
+def test_a_full_disk_is_told_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, library: type
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(library, "write", full)
+    with (
+        pytest.raises(RecordingError, match=rf"r\{suffix}: cannot be written: No space left on"),
+        RecordingWriter(tmp_path / f"r{suffix}") as writer,
+    ):
+        writer.write("/t", "std_msgs/msg/String", ros.make("std_msgs/msg/String"), 1)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_messages_are_made_with_zeros_and_converted_arrays() -> None:

@@ -38,7 +38,6 @@ class BagRecording:
         with self._no_library_errors("cannot be opened"):
             self._reader = Reader1(path) if path.suffix == ".bag" else Reader2(path)
             self._reader.open()
-            self._closed = False
 
     def count(self, source: Source) -> int:
         """See `Recording`."""
@@ -70,9 +69,7 @@ class BagRecording:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        if not self._closed:
-            self._closed = True
-            self._reader.close()
+        self._reader.close()
 
     @cached_property
     def _parts(self) -> list[Any]:

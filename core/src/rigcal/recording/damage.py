@@ -17,13 +17,10 @@ _BAG_INDEX, _BAG_CHUNK = b"op=\x04", b"op=\x05"
 def advice(path: Path) -> str:
     """Text to follow an error message about the bag at `path`, beginning with "; "."""
     try:
-        return _ADVICE.get("folder" if path.is_dir() else path.suffix, _nothing)(path)
-    except OSError:
+        advise = _folder if path.is_dir() else _ADVICE.get(path.suffix, _folder)
+        return advise(path)
+    except OSError:  # it went away, say with the disk that it was on
         return ""
-
-
-def _nothing(path: Path) -> str:
-    return ""
 
 
 def _mcap(path: Path) -> str:
@@ -134,5 +131,4 @@ _ADVICE: dict[str, Callable[[Path], str]] = {
     ".mcap": _mcap,
     ".bag": _ros1,
     ".db3": _sqlite,
-    "folder": _folder,
 }

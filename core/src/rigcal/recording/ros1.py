@@ -18,11 +18,10 @@ def to_ros1(message: Any, type_name: str, seq: int = 0, definitions: Definitions
 
     Fields are matched by name whatever their case (CameraInfo's k is K in ROS 1). `seq` goes into
     the message's own header, which ROS 2 no longer numbers. `definitions` as in
-    `ros.make`. RecordingError for a type that ROS 1 does not have, or that has other fields there.
+    `ros.make`. KeyError for a type that ROS 1 does not have; RecordingError for one that has other
+    fields there.
     """
     store = ros.ros1_typestore(definitions)
-    if type_name not in store.fielddefs:
-        raise RecordingError(f"'{type_name}' is not a message type of ROS 1: write an MCAP instead")
     given = {name.lower(): value for name, value in vars(message).items() if name[:2] != "__"}
     values = {}
     for name, kind in store.fielddefs[type_name][1]:

@@ -31,7 +31,7 @@ def _calibration() -> Calibration:
         target_poses={"7": se3.exp(rng.normal(size=6))},
         rejected=(Rejection("cam0", "3", "/cam0, message 3", "no tag: too dark"),),
         warnings=("cam1: few exposures",),
-        provenance={"seed": np.int64(3), "inputs": {"rig": {"sha256": "00e1"}}},
+        provenance={"seed": np.int64(3), "inputs": {"rig": {"sha256": "00e1"}}, "by": ("a", 2)},
         graph_error=GraphError(0.0123, 0.0101, 340),
     )  # fmt: skip
 
@@ -52,7 +52,9 @@ def test_round_trip(tmp_path: Path) -> None:
     np.testing.assert_allclose(after.target_poses["7"], before.target_poses["7"], atol=1e-15)
     assert (after.rejected, after.warnings) == (before.rejected, before.warnings)
     assert after.graph_error == before.graph_error
-    assert after.provenance == {"seed": 3, "inputs": {"rig": {"sha256": "00e1"}}}
+    assert after.provenance == {
+        "seed": 3, "inputs": {"rig": {"sha256": "00e1"}}, "by": ["a", 2],
+    }  # fmt: skip
     np.testing.assert_allclose(after.T("lidar", "cam1"), before.T("lidar", "cam1"), atol=1e-15)
 
 

@@ -237,6 +237,63 @@ def test_a_residual_that_raises_at_a_pose_is_told_what_to_raise() -> None:
         Stage().test_damaged_measurement_is_an_error_or_a_whole_residual("not finite")
 
 
+def _trusting(frame: Array, config: Any, target: Any) -> Detection:
+    if not frame.any():
+        raise ZeroDivisionError
+    return _detect(frame, config, target)
+
+
+def test_a_detector_that_raises_on_what_was_decoded_is_told_who_shall_refuse_it() -> None:
+    class Stage(SensorConformance):
+        sensor_type = replace(BEACON, detect=_trusting)
+        config = BeaconConfig(topic="/beacon")
+
+    Stage.__test__ = False  # type: ignore[attr-defined]
+    message = (
+        "an empty message: decode took it, and detect raised ZeroDivisionError; refuse it in "
+        "decode with RecordingError"
+    )
+    with pytest.raises(AssertionError, match=message):
+        Stage().test_empty_message_is_an_error_or_shows_nothing()
+
+
+def _decode_file(message: Message, config: Any) -> Array:
+    x, y, z = message.value.read_text().split()
+    return np.array([x, y, z], float)
+
+
+def _decode_file_or_refuse(message: Message, config: Any) -> Array:
+    try:
+        return _decode_file(message, config)
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{message.origin}: expected three numbers") from error
+
+
+def test_a_decoder_that_raises_on_a_truncated_file_is_told_what_to_raise(tmp_path: Path) -> None:
+    class Stage(SensorConformance):
+        sensor_type = replace(BEACON, simulate=None, encode=None, message_types=(".xyz",))
+        config = BeaconConfig(files="*.xyz")
+
+        def message(self, T_s_t: Array, config: Any, rng: np.random.Generator) -> Message:
+            path = self.folder / "point.xyz"
+            path.write_text(" ".join(map(str, T_s_t[:3, 3])))
+            return Message(".xyz", path, 0, "0", "point.xyz")
+
+    class Careful(Stage):
+        sensor_type = replace(Stage.sensor_type, decode=_decode_file_or_refuse)
+
+    class Careless(Stage):
+        sensor_type = replace(Stage.sensor_type, decode=_decode_file)
+
+    for stage in (Stage, Careful, Careless):
+        stage.__test__ = False  # type: ignore[attr-defined]
+        stage.folder = tmp_path
+    Careful().test_truncated_file_is_an_error_or_a_whole_answer()
+    message = r"point\.xyz: decode raised ValueError; raise rigcal\.errors\.RecordingError"
+    with pytest.raises(AssertionError, match=message):
+        Careless().test_truncated_file_is_an_error_or_a_whole_answer()
+
+
 def test_the_reference_sensor_of_the_kit_reads_no_recordings() -> None:
     message = Message(POINT, None, 0, None, "bag, message 3")
     with pytest.raises(RecordingError, match="bag, message 3: the reference sensor has no"):

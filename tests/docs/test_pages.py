@@ -15,6 +15,7 @@ import yaml
 import rigcal
 from rigcal.calibration import Calibration, SensorResult
 from rigcal.geometry import se3
+from rigcal_sim.dataset import simulate
 from rigcal_sim.features import observe_boards
 from rigcal_sim.scenario import ScenarioConfig
 
@@ -52,7 +53,23 @@ def supplied(desk: Any, seen: Path) -> Any:
         path = desk.folder / name / "calibration.yaml"
         rigcal.save_calibration(path, Calibration("lidar", sensors))
     shutil.copy(seen, desk.folder / "first" / "observations.npz")
+    (desk.folder / "examples").symlink_to(ROOT / "examples")
     return desk
+
+
+@pytest.fixture
+def driven(supplied: Any) -> Any:
+    """A desk that has a recording of the rig, and what other tools know of it."""
+    registry = rigcal.Registry.from_entry_points()
+    rig, folder = _placed_rig(registry), supplied.folder
+    scenario = ScenarioConfig(board={"mode": "cover", "poses": 1})
+    simulate(rig, registry, scenario, 0, folder, jobs=1)
+    (folder / "recording.mcap").rename(folder / "drive.mcap")
+    known = rigcal.load_calibration(folder / "truth.yaml")
+    rigcal.write_export(folder / "robot.urdf", known, registry, "urdf", rig)
+    rigcal.write_export(folder / "lenses", known, registry, "opencv", rig)
+    (folder / "lenses" / "cam0.yaml").rename(folder / "front_left.yml")
+    return supplied
 
 
 @pytest.fixture(scope="module")
@@ -60,22 +77,42 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the rig's sensors see of 15 boards, looking to one side from a few centimetres apart."""
     path = tmp_path_factory.mktemp("seen") / "observations.npz"
     registry = rigcal.Registry.from_entry_points()
-    scan = {"pattern": "multibeam", "elevations_deg": [*range(-20, 21, 4)], "azimuth_step_deg": 1}
-    added: dict[str, Any] = {"lidar": {"scan": scan}}
-    for i in range(2):
-        ahead = {"x": -0.5, "y": 0.5, "z": -0.5, "w": 0.5}
-        pose = {"parent": "lidar", "translation_m": [0.0, 0.1 * i, 0.1], "rotation": ahead}
-        added[f"cam{i}"] = {"pose": pose}
-    sensors = {name: config | added[name] for name, config in RIG["sensors"].items()}
-    rig = rigcal.parse_rig(RIG | {"sensors": sensors}, registry)
+    rig = _placed_rig(registry)
     scenario = ScenarioConfig(board={"mode": "cover", "poses": 15})
     rigcal.save_observations(path, observe_boards(rig, registry, scenario, seed=0).observations)
     return path
 
 
-@pytest.mark.parametrize("name", [name for name in GUIDE if name not in ELSEWHERE])
+def _placed_rig(registry: rigcal.Registry) -> rigcal.Rig:
+    """The rig with what a simulation wants to know."""
+    scan = {"pattern": "multibeam", "elevations_deg": [*range(-20, 21, 4)], "azimuth_step_deg": 1}
+    added: dict[str, Any] = {"lidar": {"scan": scan, "topic": "/lidar/points"}}
+    for i in range(2):
+        ahead = {"x": -0.5, "y": 0.5, "z": -0.5, "w": 0.5}
+        pose = {"parent": "lidar", "translation_m": [0.0, 0.1 * i, 0.1], "rotation": ahead}
+        added[f"cam{i}"] = {"pose": pose, "topic": f"/cam{i}/image_raw"}
+    sensors = {name: config | added[name] for name, config in RIG["sensors"].items()}
+    return rigcal.parse_rig(RIG | {"sensors": sensors}, registry)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in GUIDE if name not in ELSEWHERE and name != "other-tools.md"]
+)
 def test_the_page_can_be_followed(supplied: Any, page: Any, name: str) -> None:
     supplied.follow(page(f"guide/{name}"))
+
+
+def test_the_page_of_other_tools_can_be_followed(driven: Any, page: Any) -> None:
+    driven.follow(page("guide/other-tools.md"))
+    text = (driven.folder / "drive.yaml").read_text()
+    assert (
+        "# width_px, height_px, model, focal_px, principal_px, distortion from front_left.yml"
+        in text
+    )
+    rig = yaml.safe_load(text)
+    assert rig["root"] == "lidar"
+    assert rig["sensors"]["cam0"]["focal_px"] == CAMERA["focal_px"]
+    assert rig["sensors"]["cam1"]["pose"]["translation_m"] == pytest.approx([0.0, 0.1, 0.1])
 
 
 @pytest.mark.parametrize(("name", "test"), ELSEWHERE.items())

@@ -176,6 +176,20 @@ def test_the_command(tmp_path, recorded, command, monkeypatch):
     assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
 
 
+def test_the_command_of_the_guide(tmp_path, recorded, command, monkeypatch):
+    """In a folder that has what the page has."""
+    page = Path(__file__).parents[2] / "docs" / "guide" / "read-the-result.md"
+    (line,) = re.findall(r"^rigcal (view .*)$", page.read_text(), flags=re.M)
+    (tmp_path / "recording.mcap").symlink_to(recorded)
+    (tmp_path / "rig.yaml").symlink_to(RIG)
+    assert command("calibrate", RIG, recorded, "--out", tmp_path / "first", "-q").code == 0
+    monkeypatch.chdir(tmp_path)
+    shown = tmp_path / "shown.rrd"
+    monkeypatch.setattr(rerun.RecordingStream, "spawn", lambda stream: stream.save(shown))
+    assert command(*line.split()).code == 0
+    assert {"/rig/after/lidar/points", "/rig/before/lidar/points"} <= set(entities(shown))
+
+
 def test_without_a_recording_the_rig_and_its_boards_are_shown(tmp_path, found):
     rig, registry, observations, calibration = found
     path = tmp_path / "line.rrd"

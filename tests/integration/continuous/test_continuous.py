@@ -14,19 +14,19 @@ from rigcal.errors import RecordingError
 from rigcal_sim.dataset import simulate
 from rigcal_sim.scenario_file import load_scenario
 
-HERE = Path(__file__).parent
+EXAMPLES = Path(__file__).parents[3] / "examples"
 REGISTRY = Registry.from_entry_points()
 
 
 @pytest.fixture(scope="module")
 def rig():
-    return load_rig(HERE / "rig.yaml", REGISTRY)
+    return load_rig(EXAMPLES / "trolley.yaml", REGISTRY)
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory, rig):
     out = tmp_path_factory.mktemp("recorded")
-    scenario = load_scenario(HERE / "scenario.yaml", rig, REGISTRY)
+    scenario = load_scenario(EXAMPLES / "trolley_scenario.yaml", rig, REGISTRY)
     simulate(rig, REGISTRY, scenario, 1, out, jobs=1)
     return out
 

@@ -100,7 +100,9 @@ def _take(
     match = _match(file, content, sensors)
     for theirs, sensor in match.items():
         fields = content.sensors[theirs].items()
-        sensor.fields.update({k: v for k, v in fields if k not in ("type", "topic")})
+        own = {k: v for k, v in fields if k not in ("type", "topic")}
+        sensor.fields.update(own)
+        sensor.notes.append(f"{', '.join(own)} from {file[0].name}")
     return str(file[0]), content, match
 
 

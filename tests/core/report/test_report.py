@@ -280,6 +280,15 @@ def test_a_calibration_without_estimates_can_be_shown() -> None:
     assert page.count("<svg") == 1
 
 
+def test_a_sensor_that_the_rig_file_no_longer_has_is_shown_without_its_view() -> None:
+    calibration, observations, rig, registry = make_case(["a", "b"], 5)
+    more = {**calibration.sensors, "mast": calibration.sensors["b"]}
+    page = render(replace(calibration, sensors=more), observations, rig, registry)
+    (mast,) = (s for s in scene(page)["sensors"] if s["name"] == "mast")
+    assert mast["views"] == []
+    np.testing.assert_allclose(mast["T"], calibration.T("a", "b")[:3], atol=1e-4)
+
+
 def test_exposures_are_listed_in_counting_order() -> None:
     names = ["pose10", "pose2", "pose1", "17", "9"]
     assert sorted(names, key=natural_order) == ["9", "17", "pose1", "pose2", "pose10"]

@@ -20,7 +20,6 @@ from rigcal.observation import (
     LineGeometry,
     Observation,
     PlaneGeometry,
-    PointGeometry,
     PoseGeometry,
 )
 from rigcal.plugin.contract import FrameView
@@ -196,8 +195,7 @@ def _shape(geometry: Geometry, outline: Array) -> Array:
             return geometry.boundary if len(geometry.boundary) else geometry.center[None]
         case LineGeometry():
             return np.stack([geometry.start, geometry.end])
-        case PointGeometry():
-            return geometry.position[None]
+    return geometry.position[None]
 
 
 def _from_above(points: Array, found: Sequence[Array], expected: Sequence[Array]) -> Image:
@@ -222,8 +220,8 @@ def _from_above(points: Array, found: Sequence[Array], expected: Sequence[Array]
     inside = np.all((uv >= 0) & (uv < (_THUMB_PX, height)), axis=1)
     picture[uv[inside, 1], uv[inside, 0]] = 120
     for group, colour in ((found, _FOUND), (expected, _EXPECTED)):
-        for shape in group:
-            cv2.polylines(picture, [pixels(shape)], len(shape) > 2, colour, 2, cv2.LINE_AA)
+        for shape in group:  # dense: of a single point OpenCV draws no line
+            cv2.polylines(picture, [pixels(dense(shape))], True, colour, 2, cv2.LINE_AA)
     centre = (_THUMB_PX // 2, height // 2)
     cv2.drawMarker(picture, centre, (0, 0, 0), cv2.MARKER_CROSS, 7, 1)
     return picture

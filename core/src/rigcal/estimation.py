@@ -17,7 +17,6 @@ from rigcal.graph.global_estimate import Estimate, solve, start
 from rigcal.graph.method import Method
 from rigcal.graph.numbers import NO_NUMBERS, Numbers
 from rigcal.graph.result import make_result
-from rigcal.graph.solve import Solution
 from rigcal.graph.stages import Stages, first_stages
 from rigcal.graph.task import Exposures, Task
 from rigcal.observation import Observation
@@ -71,7 +70,7 @@ def solved(
         _withhold(before, method)
     result = solve(stages, method, progress)
     found = result.solution
-    _check_used(stages.task, found, stages.fixed)
+    _check_used(stages.task, result, stages.fixed)
     verdict = None
     if method.filtered:
         # Outliers blow up the covariance: without the filter it does not tell what the data fix.
@@ -117,14 +116,14 @@ def _by_target(rig: Rig, observations: Sequence[Observation]) -> Exposures:
     return split
 
 
-def _check_used(task: Task, solution: Solution, fixed: frozenset[str]) -> None:
-    for sensor in task.rig.sensors:
-        if sensor in fixed or any(e.sensor == sensor for e in solution.edges):
-            continue
-        reasons = [r for (s, _), r in solution.dropped.items() if s == sensor]
+def _check_used(task: Task, estimate: Estimate, fixed: frozenset[str]) -> None:
+    used = fixed | {e.sensor for e in estimate.solution.edges}
+    for sensor in (s for s in task.rig.sensors if s not in used):
+        own = (seen[sensor] for seen in task.exposures.values() if sensor in seen)
+        reason = next(estimate.why_not(o) for o in own if o.candidates)
         raise NotDeterminedError(
-            f"sensor '{sensor}': none of its observations agrees with the other sensors "
-            f"({reasons[0] if reasons else 'none was chosen'}); check its entry in the rig file"
+            f"sensor '{sensor}': none of its observations agrees with the other sensors, for "
+            f"example: {reason}; check its entry in the rig file"
         )
 
 

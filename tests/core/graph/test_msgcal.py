@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigcal.calibration import Calibration, SensorResult
-from rigcal.errors import ConfigError, NotConvergedError
+from rigcal.errors import ConfigError, NotConvergedError, NotDeterminedError
 from rigcal.estimation import calibrate, finish, pairwise_calibration, prepare
 from rigcal.evaluation import evaluate
 from rigcal.geometry import se3
@@ -127,6 +127,69 @@ def test_identity_start_ends_where_the_tree_does_or_says_so(make_ring, formulati
     for s in result.sensors if result else ():
         D = se3.inverse(result.T("lidar", s)) @ reference.T("lidar", s)
         assert np.linalg.norm(se3.log(D)) < 0.002
+
+
+def _turned(ring, angle):
+    """First poses of all sensors but the root that are turned by an angle, rad."""
+    turn = se3.exp(np.array([0.0, angle, 0.0, 0.0, 0.0, 0.0]))
+    root = ring.rig.root
+    return {s: T if s == root else T @ turn for s, T in ring.T_root.items()}
+
+
+def test_boards_that_come_to_lie_upside_down_start_again(make_ring) -> None:
+    """Where no pair is solved, as in a rig of given poses, the boards alone bring sensors near."""
+    ring = make_ring(1)
+    graph = replace(_prepare(ring).graph(), pairs=())
+    near, far = (
+        msgcal.solve(graph, _turned(ring, angle), frozenset({ring.rig.root}))
+        for angle in (0.0, 2.0)
+    )
+    for s, T in near.sensors.items():
+        np.testing.assert_allclose(far.sensors[s], T, atol=1e-4)
+    # It tells how far the edges are from zero.
+    np.testing.assert_allclose(
+        np.diagonal(far.information.covariance), np.diagonal(near.information.covariance), rtol=1e-2
+    )
+
+
+def test_a_minimum_that_is_not_reached_is_an_error(make_ring, monkeypatch) -> None:
+    ring = make_ring(0)
+    graph = replace(_prepare(ring).graph(), pairs=())
+    monkeypatch.setattr(msgcal, "_MOST_ITERATIONS", 3)
+    with pytest.raises(NotConvergedError, match=r"did not converge \(error .* after 3 iterations"):
+        msgcal.solve(graph, _turned(ring, 2.0), frozenset({ring.rig.root}))
+
+
+@pytest.mark.parametrize("group", [{"cam2"}, {"cam2", "cam3"}])
+def test_pairs_that_do_not_join_all_sensors_leave_the_others_at_their_start(
+    make_ring, group
+) -> None:
+    """As where a given pose joins two groups; the edges of the boards do the rest."""
+    kinds = {"lidar": ("plane", 0.0), "cam2": ("pose", 180.0), "cam3": ("pose", 200.0)}
+    ring = make_ring(2, kinds)
+    stages = _prepare(ring)
+    apart = tuple(p for p in stages.pairs if (p.a in group) == (p.b in group))
+    assert sum(p.T_a_b is not None for p in apart) == 1
+    result = finish(replace(stages, pairs=apart), Method("msgcal", filtered=False))
+    errors = evaluate(result, _truth(ring)).sensors
+    assert max(error.translation_m for error in errors.values()) < 0.02
+
+
+def test_a_pose_that_the_data_leave_open_is_accepted_by_the_joint_estimate_only(make_ring) -> None:
+    """cam2 sees two boards together with the lidar, whose pair has no distances."""
+    kinds = {"lidar": ("plane", 0.0), "cam0": ("pose", 0.0), "cam2": ("pose", 180.0)}
+    ring = make_ring(3, kinds)
+    seen = [o.exposure for o in ring.observations if o.sensor == "cam2" and o.candidates]
+    few = tuple(
+        replace(o, candidates=()) if o.sensor == "cam2" and o.exposure in seen[2:] else o
+        for o in ring.observations
+    )
+    stages = prepare(ring.rig, ring.registry, few)
+    assert stages.is_loose
+    result = finish(stages, Method("joint", accept_weak=True))
+    assert evaluate(result, _truth(ring)).sensors["cam0"].translation_m < 0.02
+    with pytest.raises(NotDeterminedError, match="MSG-Cal leaves a pose open"):
+        finish(stages, Method("msgcal", accept_weak=True))
 
 
 def test_another_minimum_is_not_reported_as_converged(make_ring, monkeypatch) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rigcal.errors import ObservationError, PluginError, RigcalError
+from rigcal.errors import ObservationError, PluginError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.plugin.answers import check_residual
@@ -78,8 +78,6 @@ class Family:
         """Weighted r (N,) and J (N, 6 + P)."""
         try:
             r, J = self._call(T_s_t, values)
-        except RigcalError:
-            raise
         except Exception as error:
             raise self._fault(T_s_t) from error
         if r.shape != self._weights.shape or J.shape != (len(r), 6 + self._numbers):

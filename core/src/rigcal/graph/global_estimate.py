@@ -15,7 +15,7 @@ from rigcal.graph.choice import best_ranked
 from rigcal.graph.edge import SensorTargetEdge
 from rigcal.graph.method import Method
 from rigcal.graph.numbers import numbers_of
-from rigcal.graph.selection import Selection, first_board, select
+from rigcal.graph.selection import POSE_IS_OPEN, Selection, first_board, select
 from rigcal.graph.solve import TURN_IS_OPEN, Solution, estimate
 from rigcal.graph.stages import Stages
 from rigcal.graph.task import Task
@@ -34,6 +34,16 @@ class Estimate:
     solution: Solution
     selections: Mapping[str, Selection]
     refused: Mapping[str, str]
+
+    def why_not(self, o: Observation) -> str:
+        """Why this observation is not among the inliers; empty if it is."""
+        if not o.candidates:
+            return o.reason
+        if o.exposure in self.refused:
+            return self.refused[o.exposure]
+        if reason := self.selections[o.exposure].left_out.get(o.sensor):
+            return reason
+        return self.solution.dropped.get((o.sensor, o.exposure), "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,19 +105,21 @@ def _solve_msgcal(stages: Stages, method: Method, progress: Progress | None) -> 
     tell("global estimate", 0, 1)
     graph = stages.graph(filtered=method.filtered)
     solved = msgcal.solve(graph, stages.start(method), stages.fixed)
-    selections = {}
+    selections, refused = {}, dict.fromkeys(task.exposures, _NO_EDGE)
     for x in graph.exposures:
         seen, chosen = task.exposures[x.exposure], {n.sensor: n.candidate for n in x.nodes}
         T_root_t = first_board(seen, chosen, solved.sensors)
-        if T_root_t is not None:
-            left_out = {s: _NO_EDGE for s, o in seen.items() if o.candidates and s not in chosen}
-            selections[x.exposure] = Selection(T_root_t, chosen, left_out, has_pose=True)
+        if T_root_t is None:
+            refused[x.exposure] = POSE_IS_OPEN
+            continue
+        left_out = {s: _NO_EDGE for s, o in seen.items() if o.candidates and s not in chosen}
+        selections[x.exposure] = Selection(T_root_t, chosen, left_out, has_pose=True)
+        del refused[x.exposure]
     edges = _edges(task, selections)
     boards = {exposure: s.T_root_t for exposure, s in selections.items()}
     # Robustly: pairs of sensors may agree on two places in one exposure.
     held = frozenset(solved.sensors)
     boards = joint.solve_robust(edges, solved.sensors, boards, held).targets
-    refused = {k: _NO_EDGE for k in task.exposures if k not in selections}
     tell("global estimate", 1, 1)
     solution = Solution(solved.sensors, boards, tuple(edges), solved.information, {}, {})
     return Estimate(solution, selections, refused)

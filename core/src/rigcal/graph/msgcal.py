@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rigcal.errors import NotConvergedError
+from rigcal.errors import NotConvergedError, NotDeterminedError
 from rigcal.geometry.se3 import Array
 from rigcal.graph.exposure_graph import EdgeRows, ExposureGraph
 from rigcal.graph.information import Information
@@ -41,11 +41,12 @@ class MsgcalGraph:
 
     @property
     def sigma_m(self) -> float:
-        """The weight of the edges in metres: rms distance over the inliers of all pairs.
+        """The weight of edges in metres: rms distance over the inliers of pairs, loose ones aside.
 
         So they weigh against the sensor-sensor edges as the same data did in the pairs.
         """
-        squares = [(len(p.inliers), len(p.inliers) * p.rms_m**2) for p in self.pairs]
+        sure = [p for p in self.pairs if not p.is_loose]
+        squares = [(len(p.inliers), len(p.inliers) * p.rms_m**2) for p in sure]
         count, total = (sum(column) for column in zip((0, 0.0), *squares, strict=True))
         return max(math.sqrt(total / max(count, 1)), _LEAST_SIGMA_M)
 
@@ -64,7 +65,7 @@ def solve(
     """The sensors and observation nodes that minimise all edges, from first poses `T_root_s`.
 
     Observations start where they were seen. Sensors named in `fixed` stay. NotConvergedError if
-    the optimiser finds no minimum.
+    the optimiser finds no minimum, NotDeterminedError if it leaves a pose open.
 
     The covariance is that of the graph, with the variance of the edges in metres as their
     residuals tell it. It is not that of a maximum-likelihood estimate: the pairs count the
@@ -186,12 +187,9 @@ class _Problem:
         parameters.setMaxIterations(_MOST_ITERATIONS)
         parameters.setRelativeErrorTol(1e-9)
         parameters.setAbsoluteErrorTol(1e-9)
-        try:
-            optimizer = gtsam.LevenbergMarquardtOptimizer(self.graph, self.start, parameters)
-            values, iterations = optimizer.optimize(), optimizer.iterations()
-            cost = optimizer.error()
-        except RuntimeError as error:
-            raise NotConvergedError(f"the graph of MSG-Cal cannot be solved: {error}") from error
+        optimizer = gtsam.LevenbergMarquardtOptimizer(self.graph, self.start, parameters)
+        values, iterations = optimizer.optimize(), optimizer.iterations()
+        cost = optimizer.error()
         if iterations >= _MOST_ITERATIONS or not np.isfinite(cost):
             raise NotConvergedError(
                 f"the graph of MSG-Cal did not converge (error {cost:.4g} after {iterations} "
@@ -218,7 +216,13 @@ class _Problem:
         if not sensors:
             return np.zeros((0, 0))
         keys = [self.keys[s] for s in sensors]
-        joint = gtsam.Marginals(self.graph, values).jointMarginalCovariance(keys)
+        try:
+            joint = gtsam.Marginals(self.graph, values).jointMarginalCovariance(keys)
+        except RuntimeError as error:
+            raise NotDeterminedError(
+                "the graph of MSG-Cal leaves a pose open, and so has no covariance; record more, "
+                "or use the formulation joint"
+            ) from error
         return np.block([[joint.at(i, j) for j in keys] for i in keys])
 
 

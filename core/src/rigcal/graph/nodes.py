@@ -58,7 +58,7 @@ def node(sensor: str, candidate: int, g: Geometry, target: Target) -> Observatio
             along = (g.end - g.start) / np.linalg.norm(g.end - g.start)
             R = np.column_stack([along, tangent_basis(along)])
             T, points = se3.transform(R, (g.start + g.end) / 2), np.stack([g.start, g.end])
-        case PointGeometry():
+        case _:
             T, points = se3.transform(np.eye(3), g.position), g.position[None]
     return ObservationNode(sensor, candidate, g, T, se3.apply(se3.inverse(T), points))
 

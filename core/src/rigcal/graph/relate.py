@@ -170,10 +170,7 @@ def _lines(seen: Sequence[Geometry]) -> tuple[Array, Array, Array]:
 
 
 def _common_point(a: Geometry, b: Geometry) -> Array:
-    for g in (a, b):
-        if isinstance(g, PointGeometry):
-            return g.target_point
-    raise AssertionError("a relation of points without a point")
+    return next(g.target_point for g in (a, b) if isinstance(g, PointGeometry))
 
 
 def _points(seen: Sequence[Geometry], p_t: Sequence[Array]) -> tuple[Array, Array]:

@@ -29,7 +29,6 @@ from rigcal.graph.selection import Selection, misfit
 from rigcal.graph.solve import Solution
 from rigcal.graph.stages import Stages
 from rigcal.graph.task import Task
-from rigcal.observation import Observation
 
 # Real sensors are seldom noisier than this times what their data sheet says.
 _SUSPICIOUS_SCALE = 5.0
@@ -62,14 +61,19 @@ def make_result(
         Rejection(name, exposure, o.origin, reason)
         for exposure, seen in task.exposures.items()
         for name, o in seen.items()
-        if (reason := _why_not(o, estimate))
+        if (reason := estimate.why_not(o))
     )
     return Calibration(
         task.rig.root,
         sensors,
         dict(solution.targets),
         rejected,
-        (*_noise_warnings(solution), *_warnings(stages.pairs), *stages.warnings),
+        (
+            *_noise_warnings(solution),
+            *_fixed_warnings(sensors, stages),
+            *_warnings(stages.pairs),
+            *stages.warnings,
+        ),
         {"seed": stages.seed, **vars(method), "association": _association(task)},
         graph_error=_graph_error(stages, solution, method),
         refined_targets=refined["targets"],
@@ -129,17 +133,6 @@ def _graph_error(stages: Stages, solution: Solution, method: Method) -> GraphErr
     return GraphError(before, after, graph.edges)
 
 
-def _why_not(o: Observation, estimate: Estimate) -> str:
-    """Why this observation is not among the inliers; empty if it is."""
-    if not o.candidates:
-        return o.reason
-    if o.exposure in estimate.refused:
-        return estimate.refused[o.exposure]
-    if reason := estimate.selections[o.exposure].left_out.get(o.sensor):
-        return reason
-    return estimate.solution.dropped.get((o.sensor, o.exposure), "")
-
-
 def residual_statistics(
     task: Task,
     solution: Solution,
@@ -183,6 +176,17 @@ def _noise_warnings(solution: Solution) -> tuple[str, ...]:
         "that the board stood still"
         for name, scale in solution.scales.items()
         if scale > _SUSPICIOUS_SCALE
+    )
+
+
+def _fixed_warnings(sensors: Mapping[str, SensorResult], stages: Stages) -> tuple[str, ...]:
+    return tuple(
+        f"{name}: at its fixed pose none of its {found.observations} observations agrees with the "
+        "other sensors; check its `pose` in the rig file, or take `fixed` out"
+        for name, found in sensors.items()
+        if name in stages.fixed - {stages.task.rig.root}
+        and found.observations
+        and not found.inliers
     )
 
 

@@ -15,6 +15,7 @@ from rigcal.graph.correspondence import MODEL_ERROR_M
 from rigcal.observation import Geometry, Observation, PlaneGeometry, PointGeometry, PoseGeometry
 from rigcal.targets.target import Target
 
+POSE_IS_OPEN = "neither a pose nor a plane was seen: lines and points leave the target's pose open"
 _GATE_M = 4 * MODEL_ERROR_M
 
 
@@ -37,7 +38,7 @@ def select(
         return f"only {next(iter(seen))} saw the target" if seen else "no sensor saw the target"
     hypotheses = _hypotheses(seen, T_root)
     if not hypotheses:
-        return "only lines were seen: they leave the target's pose open"
+        return POSE_IS_OPEN
     best: tuple[float, Array, dict[str, tuple[int, float]], bool] | None = None
     for T_root_t, has_pose in hypotheses:
         fits = {

@@ -61,12 +61,13 @@ class Stages:
 
 
 def first_stages(task: Task, seed: int, progress: Progress | None = None) -> Stages:
-    """Pairs and spanning tree; NotConnectedError if the pairs do not join all sensors.
+    """Pairs and spanning tree; NotConnectedError if the pairs do not join all sensors, ConfigError
+    for given poses that lead to no known one.
 
     A pair that loops show to be wrong does not count.
     """
-    pairs, warnings = check_loops(pairwise(task, seed, progress or (lambda *_: None)))
     given, fixed = given_poses(task.rig)
+    pairs, warnings = check_loops(pairwise(task, seed, progress or (lambda *_: None)))
     groups = components(task.rig.sensors, pairs, given)
     if len(groups) > 1:
         pairs = tuple(_loosened(task, seed, groups, pair) for pair in pairs)

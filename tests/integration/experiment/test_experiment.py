@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from rigcal_sim.experiment import study
+from rigcal_sim.experiment.run import Row
+
 HERE = Path(__file__).parent
 RIG = HERE.parent / "pipeline" / "cart.yaml"
 SCENARIO = HERE.parent / "pipeline" / "scenario.yaml"
@@ -32,6 +35,20 @@ def test_a_study_of_one_run(tmp_path, command):
     assert start == pytest.approx(tree, rel=1e-2)
     with (tmp_path / "sensors.csv").open() as file:
         assert {r["sensor"] for r in csv.DictReader(file)} == {"left", "right", "scan"}
+
+
+def test_a_study_that_is_ended_leaves_the_runs_that_are_done(tmp_path, command, monkeypatch):
+    def run(setting, task):
+        if task.seed == 2:
+            raise KeyboardInterrupt
+        return [Row("features", 0.0, task.seed, "pairwise", True, "tree", 1e-6)], []
+
+    monkeypatch.setattr(study, "run", run)
+    given = ("--scenario", SCENARIO, "--runs", 3, "--outliers", 0, "--jobs", 1, "-q")
+    assert command("experiment", "msgcal", RIG, "--out", tmp_path, *given).code == 130
+    with (tmp_path / "runs.csv").open() as file:
+        assert [row["seed"] for row in csv.DictReader(file)] == ["0", "1"]
+    assert not (tmp_path / "claims.txt").exists()
 
 
 def test_a_recording_is_not_simulated(tmp_path, command):

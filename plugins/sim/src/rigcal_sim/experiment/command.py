@@ -55,7 +55,7 @@ def experiment(
     from rigcal.plugin import Registry
     from rigcal.rig import load_rig
     from rigcal_sim.experiment.run import Run, Setting
-    from rigcal_sim.experiment.study import carry_out, write_study
+    from rigcal_sim.experiment.study import carry_out, write_study, write_tables
 
     registry = Registry.from_entry_points()
     rig = load_rig(rig_file, registry)
@@ -69,7 +69,9 @@ def experiment(
             for share in sorted({0.0, outliers})
             for i in range(count)
         ]
-        result = carry_out(Setting(rig, registry, sources), tasks, processes, progress)
+        for result in carry_out(Setting(rig, registry, sources), tasks, processes, progress):
+            # A study takes hours where runs are raw: what is done is not lost if it is ended.
+            write_tables(result, out)
     paths = write_study(result, out)
     lines = (out / "claims.txt").read_text(encoding="utf-8").splitlines()
     if json:

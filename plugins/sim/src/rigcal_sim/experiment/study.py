@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from rigcal_sim.experiment.run import Row, Run, SensorRow, Setting, run
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What came out of all runs."""
+    """What came out of the runs."""
 
     rows: tuple[Row, ...]
     sensor_rows: tuple[SensorRow, ...]
@@ -29,31 +29,38 @@ class Study:
 
 def carry_out(
     setting: Setting, runs: Sequence[Run], jobs: int, progress: Progress | None = None
-) -> Study:
-    """The runs, spread over processes; the result does not depend on how many."""
+) -> Iterator[Study]:
+    """The study so far, after each run; runs are spread over processes.
+
+    The last is that of all. The result does not depend on the number of processes.
+    """
     tell = progress or (lambda *_: None)
-    rows: list[Row] = []
-    sensor_rows: list[SensorRow] = []
+    study = Study((), ())
     tell("runs", 0, len(runs))
-    for done, (more, of_sensors) in enumerate(in_order(run, setting, runs, jobs), start=1):
-        rows += more
-        sensor_rows += of_sensors
+    for done, (rows, of_sensors) in enumerate(in_order(run, setting, runs, jobs), start=1):
+        study = Study((*study.rows, *rows), (*study.sensor_rows, *of_sensors))
+        yield study
         tell("runs", done, len(runs))
-    return Study(tuple(rows), tuple(sensor_rows))
+
+
+def write_tables(study: Study, folder: Path) -> list[Path]:
+    """runs.csv and sensors.csv; returns their paths."""
+    texts = {"runs.csv": _csv(study.rows), "sensors.csv": _csv(study.sensor_rows)}
+    return _written(texts, folder)
 
 
 def write_study(study: Study, folder: Path) -> list[Path]:
-    """runs.csv, sensors.csv, study.json, claims.txt and the figures; returns their paths."""
+    """The tables, study.json, claims.txt and the figures; returns their paths."""
     lines = claims(study.rows)
-    texts = {
-        "runs.csv": _csv(study.rows),
-        "sensors.csv": _csv(study.sensor_rows),
-        "study.json": _json(study, lines),
-        "claims.txt": "\n".join(lines) + "\n",
-    }
+    texts = {"study.json": _json(study, lines), "claims.txt": "\n".join(lines) + "\n"}
+    tables = write_tables(study, folder)
+    return [*tables, *_written(texts, folder), *write_figures(study.rows, folder)]
+
+
+def _written(texts: Mapping[str, str], folder: Path) -> list[Path]:
     for name, text in texts.items():
         write_text(folder / name, text)
-    return [*(folder / name for name in texts), *write_figures(study.rows, folder)]
+    return [folder / name for name in texts]
 
 
 def _csv(rows: Sequence[Row] | Sequence[SensorRow]) -> str:

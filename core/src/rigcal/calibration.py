@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,12 +11,6 @@ from rigcal.diagnosis.verdict import Verdict
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
-
-if TYPE_CHECKING:
-    from rigcal.plugin.contract import SensorConfig, SensorType
-    from rigcal.plugin.registry import Registry
-    from rigcal.rig import Rig
-    from rigcal.targets.target import Target
 
 
 @dataclass(frozen=True)
@@ -63,32 +56,6 @@ class SensorResult:
     noise_scale: float | None = None
     refined: Mapping[str, RefinedNumber] = field(default_factory=dict)
     sigmas: Mapping[str, Array] = field(default_factory=dict)
-
-
-def as_refined(config: SensorConfig, kind: SensorType, result: SensorResult) -> SensorConfig:
-    """A sensor's config with the numbers that its calibration refined; it asks for no more."""
-    for name in config.refine if result.refined else ():
-        refinable = kind.refinable[name]
-        values = np.array([result.refined[n].value for n in refinable.parameters(config).names])
-        config = refinable.apply(config, values)
-    return config.model_copy(update={"refine": ()})
-
-
-def rig_as_refined(rig: Rig, registry: Registry, calibration: Calibration) -> Rig:
-    """The rig with the numbers that a calibration of it refined."""
-    found = {
-        name: as_refined(rig.sensors[name], registry.sensor_type(rig.sensors[name].type), result)
-        for name, result in calibration.sensors.items()
-        if result.refined and name in rig.sensors
-    }
-    return replace(rig, sensors={**rig.sensors, **found})
-
-
-def as_bent(target: Target, refined: Mapping[str, RefinedNumber]) -> Target:
-    """A target bent as its calibration found it, if it was asked for."""
-    names = ("bend_x", "bend_y", "bend_xy")
-    bend = np.array([refined[name].value for name in names if name in refined])
-    return target.bent(bend) if len(bend) else target
 
 
 @dataclass(frozen=True)

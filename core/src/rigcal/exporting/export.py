@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from rigcal.calibration import Calibration, rig_as_refined
+from rigcal.calibration import Calibration
 from rigcal.errors import InputError, PluginError, RigcalError
 from rigcal.exporting.exporter import Exported
 from rigcal.files import write_text
 from rigcal.plugin.registry import Registry
+from rigcal.refined import rig_as_refined
 from rigcal.rig import Rig
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigcal.calibration import Calibration, rig_as_refined
+from rigcal.calibration import Calibration
 from rigcal.errors import ConfigError
 from rigcal.fusing.colour import Image, dots_by_range, sample, visible
 from rigcal.fusing.moment import moment
@@ -17,6 +17,7 @@ from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.plugin.contract import FrameView
 from rigcal.plugin.registry import Registry
+from rigcal.refined import rig_as_refined
 from rigcal.rig import Rig
 
 SCAN_COLOURS = ((230, 60, 40), (20, 120, 220), (240, 160, 0), (140, 60, 190), (0, 150, 110))

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigcal.calibration import Calibration, as_bent, as_refined
+from rigcal.calibration import Calibration
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.selection import misfit
 from rigcal.observation import Candidate, Observation
 from rigcal.plugin.contract import SensorConfig, SensorType
 from rigcal.plugin.registry import Registry
+from rigcal.refined import as_bent, as_refined
 from rigcal.residual import residual_of
 from rigcal.rig import Rig, build_targets
 from rigcal.targets.target import Target

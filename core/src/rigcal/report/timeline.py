@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigcal.belonging import check_calibration, check_observations
-from rigcal.calibration import Calibration, rig_as_refined
+from rigcal.calibration import Calibration
 from rigcal.errors import ConfigError, InputError
 from rigcal.exposures import name_in_result
 from rigcal.files import replacing
@@ -23,6 +23,7 @@ from rigcal.observation import Observation
 from rigcal.plugin.contract import FrameView
 from rigcal.plugin.registry import Registry
 from rigcal.progress import Progress
+from rigcal.refined import rig_as_refined
 from rigcal.report.boards import boards_in_root, dense, sorted_exposures
 from rigcal.report.frames import show_frames
 from rigcal.report.scene3d import magnification, reach_of, semi_axes

@@ -115,9 +115,33 @@ class Steep(PoseResidual):
         return r, -J
 
 
-def test_a_minimum_that_is_not_reached_is_an_error():
+class Timid(PoseResidual):
+    """Its derivative is far too large, and so its steps are far too small."""
+
+    def __call__(self, T_s_t):
+        r, J = super().__call__(T_s_t)
+        return r, 50 * J
+
+
+class Ragged(PoseResidual):
+    """Its derivative is lost on the way."""
+
+    def __call__(self, T_s_t):
+        r, J = super().__call__(T_s_t)
+        return r, J if np.array_equal(T_s_t, np.eye(4)) else np.full((6, 6), np.nan)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (Steep, "no step lowers its error"),
+        (Timid, "its steps do not end"),
+        (Ragged, "its normal equations have no solution"),
+    ],
+)
+def test_a_minimum_that_is_not_reached_is_an_error(kind, message):
     T = se3.exp(np.array([0.2, 0.1, 0, 0.3, 0, 0]))
-    edges = [SensorTargetEdge("s0", k, Steep(T, np.eye(6) * 100)) for k in "abc"]
+    edges = [SensorTargetEdge("s0", k, kind(T, np.eye(6) * 100)) for k in "abc"]
     boards = dict.fromkeys("abc", np.eye(4))
-    with pytest.raises(NotConvergedError, match="no step lowers its error"):
+    with pytest.raises(NotConvergedError, match=f"did not converge: {message}"):
         solve(edges, {"s0": np.eye(4)}, boards, FIXED)

@@ -74,6 +74,32 @@ def test_a_single_loop_names_none():
     assert warnings[0].startswith("loop a - b - c - a closes with ")
 
 
+def test_a_loop_that_fails_by_the_sum_of_small_errors_accuses_no_pair_by_itself():
+    """Each of its pairs also closes a loop with d that holds."""
+    pairs = make_pairs("abcd", itertools.combinations("abcd", 2), np.random.default_rng(0))
+    off = {("a", "b"): 0.016, ("b", "c"): 0.016, ("a", "c"): -0.016}
+    pairs = [
+        replace(p, T_a_b=se3.exp(np.array([0, 0, 0, off.get((p.a, p.b), 0.0), 0, 0])))
+        for p in pairs
+    ]
+    checked, warnings = check_loops(pairs)
+    assert all(p.T_a_b is not None for p in checked)
+    (warning,) = warnings
+    assert warning.startswith("loop a - b - c - a closes with 0 deg and 48 mm: one of its pairs")
+
+
+@pytest.mark.parametrize("count", [5, 10])
+def test_where_nearly_all_pairs_contradict_each_other_none_is_accused(count):
+    names = "abcdefghij"[:count]
+    links = list(itertools.combinations(names, 2))
+    pairs = make_pairs(names, links, np.random.default_rng(0))
+    strange = se3.exp(np.random.default_rng(1).normal(0, 1, (len(pairs), 6)))
+    pairs = [replace(p, T_a_b=T) for p, T in zip(pairs, strange, strict=True)]
+    checked, warnings = check_loops(pairs)
+    assert all(p.T_a_b is not None for p in checked)
+    assert len(warnings) == count * (count - 1) * (count - 2) / 6
+
+
 def test_what_all_exposures_share_is_no_contradiction():
     """A biased range moves one sensor against all others by more than their noise."""
     pairs = make_pairs("abcd", itertools.combinations("abcd", 2), np.random.default_rng(2))

@@ -124,10 +124,9 @@ def load_observations(path: Path | str) -> tuple[tuple[Observation, ...], dict[s
         raise ObservationError(f"{path}: {error}") from error
     except OSError as error:
         raise ObservationError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except MemoryError:
-        raise
     except Exception as error:
-        # zipfile, zlib, json and numpy have a dozen exceptions for damaged bytes.
+        # zipfile, zlib, json and numpy have a dozen exceptions for damaged bytes; damaged lengths
+        # ask for more memory than there is.
         raise ObservationError(
             f"{path}: not a whole file of observations ({error}); write it again with "
             "`rigcal detect RIG RECORDING --out observations.npz`"

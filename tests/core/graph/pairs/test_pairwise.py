@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from rigcal.geometry import se3
+from rigcal.graph import refinement
 from rigcal.graph.correspondence import correspondences
 from rigcal.graph.pairwise import calibrate_pair
+from rigcal.graph.refinement import inliers
 from rigcal.observation import PointGeometry
 from rigcal.testing.features import facing_boards, observe
 
@@ -58,6 +60,23 @@ def test_a_disagreement_beyond_the_noise_widens_the_covariance(kinds, watch, cal
         errors.append(result.model_error_m)
     assert np.median(nees) < 9.0
     assert 0.004 < np.mean(errors) < 0.013
+
+
+def test_inliers_that_come_and_go_without_end_are_given_up_on(
+    watch, calibrated, T_a_b, monkeypatch
+):
+    """One exposure at the gate: in with it out, out with it in."""
+    asked = []
+
+    def restless(c, T, model_error):
+        asked.append(None)
+        return inliers(c, T, model_error)[len(asked) % 2 :]
+
+    monkeypatch.setattr(refinement, "inliers", restless)
+    result = calibrated(watch(("pose", "plane"), np.random.default_rng(0)))
+    e = off(result, T_a_b)
+    assert e @ np.linalg.solve(result.covariance, e) < 22.5
+    assert len(result.inliers) in (39, 40)
 
 
 @pytest.mark.parametrize("kinds", KINDS[:-1])

@@ -76,7 +76,7 @@ def test_inliers_that_come_and_go_without_end_are_given_up_on(
     result = calibrated(watch(("pose", "plane"), np.random.default_rng(0)))
     e = off(result, T_a_b)
     assert e @ np.linalg.solve(result.covariance, e) < 22.5
-    assert len(result.inliers) in (39, 40)
+    assert len(result.inliers) > 36
 
 
 @pytest.mark.parametrize("kinds", KINDS[:-1])

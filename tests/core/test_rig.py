@@ -155,6 +155,18 @@ def test_valid_rig() -> None:
             "rig: sensors.bow.pose.parent: the poses go in a circle: bow -> bow",
         ),
         (
+            {"sensors": 3},
+            "rig: sensors: found 3, expected a mapping (`key: value` lines)",
+        ),
+        (
+            {"sensors__bow__type": ["sonar"]},
+            "rig: sensors.bow.type: found a list, expected the name of an installed type",
+        ),
+        (
+            {"sensors__bow__pose": _pose("stern", 1, 2, 3) | {"rpy_deg": 90}},
+            "rig: sensors.bow.pose.rpy_deg: found 90, expected a list",
+        ),
+        (
             {"sensors__bow__pose": _pose("stern", rpy_deg=(0, 0, 1), rotation=QUARTER)},
             "rig: sensors.bow.pose: give either rpy_deg or rotation, not both",
         ),
@@ -228,6 +240,13 @@ sensors:
 )
 def test_file_that_is_no_rig(tmp_path: Path, text: str, message: str) -> None:
     assert _load(tmp_path, text).startswith(message)
+
+
+def test_names_that_are_numbers_are_refused_beside_a_wrong_root() -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(_rig(sensors={5: RIG["sensors"]["bow"]}), REGISTRY)
+    assert "rig: root: no sensor 'bow' (has: 5)" in str(caught.value)
+    assert "found 5, expected a valid string" in str(caught.value)
 
 
 def test_a_rig_without_any_plugin_is_told_to_install_one() -> None:

@@ -109,9 +109,13 @@ def read_document(path: Path | str, holds: str) -> Document:
         mark = error.problem_mark or error.context_mark
         place = f"{path}:{mark.line + 1}:{mark.column + 1}" if mark else str(path)
         raise ConfigError(f"{place}: not valid YAML: {error.problem or error.context}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        # Control characters; a 13th month, which is read as a date; an alias that holds itself.
+    except yaml.YAMLError as error:  # control characters
         raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    except RecursionError as error:
+        raise ConfigError(
+            f"{path}: found lists or mappings that go too deep, expected {holds}; an alias "
+            "(`*name`) may stand inside of what it stands for"
+        ) from error
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: found {describe(data)}, expected {holds}: a mapping of keys")
     return Document(str(path), data, lines)
@@ -138,8 +142,12 @@ def check_format(document: Document, expected: str | None, holds: str) -> None:
 def _walk(
     loader: yaml.SafeLoader, node: yaml.Node, path: Place, lines: dict[Place, int], name: str
 ) -> None:
-    """Note the line of every key and item; refuse a key that stands twice in one mapping."""
-    if isinstance(node, yaml.SequenceNode):
+    """Note the line of every key and item; refuse a key that stands twice in one mapping, and
+    values that cannot be read.
+    """
+    if isinstance(node, yaml.ScalarNode):
+        _scalar(loader, node, f"{name}:{node.start_mark.line + 1}: {dotted(path)}".rstrip(": "))
+    elif isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
             lines.setdefault((*path, index), item.start_mark.line + 1)
             _walk(loader, item, (*path, index), lines, name)
@@ -161,7 +169,7 @@ def _walk(
 
 def _key(loader: yaml.SafeLoader, node: yaml.Node, where: str) -> Key:
     if isinstance(node, yaml.ScalarNode):
-        key = loader.construct_object(node)
+        key = _scalar(loader, node, where)
         if isinstance(key, (str, int)) and not isinstance(key, bool):
             return key
         raise ConfigError(
@@ -169,3 +177,16 @@ def _key(loader: yaml.SafeLoader, node: yaml.Node, where: str) -> Key:
             f'write "{node.value}" in quotes'
         )
     raise ConfigError(f"{where}: found a list or mapping as a key, expected a word")
+
+
+def _scalar(loader: yaml.SafeLoader, node: yaml.ScalarNode, where: str) -> Any:
+    try:
+        return loader.construct_object(node)
+    except yaml.YAMLError:
+        raise
+    except Exception as error:
+        # Of a 13th month or `!!bool word` PyYAML raises whatever Python does.
+        raise ConfigError(
+            f"{where}: YAML cannot read {node.value} as {node.tag.rpartition(':')[2]} ({error}); "
+            f'correct it, or write "{node.value}" in quotes if it is a text'
+        ) from error

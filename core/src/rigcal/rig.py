@@ -184,8 +184,11 @@ def _members(
             problems.add(path, f"name {name!r}: use letters, digits, '_', '.' and '-'")
         elif not isinstance(data, dict):
             problems.add(path, f"found {describe(data)}, expected a mapping with a `type`")
-        elif not isinstance(data.get("type"), str):
+        elif "type" not in data:
             problems.add(path, "key 'type' is missing, expected the name of an installed type")
+        elif not isinstance(data["type"], str):
+            found = f"found {describe(data['type'])}, expected the name of an installed type"
+            problems.add((*path, "type"), found)
         else:
             try:
                 config = problems.validate(config_of(data["type"]), data, path)
@@ -196,16 +199,20 @@ def _members(
     return members
 
 
+def _names(problems: Problems, section: str) -> list[str]:
+    """Of all entries of a section, valid or not."""
+    entries = problems.document.data.get(section)
+    return [str(name) for name in entries] if isinstance(entries, dict) else []
+
+
 def _check_names(
     problems: Problems, sensors: Mapping[str, SensorConfig], targets: Mapping[str, TargetConfig]
 ) -> None:
     """References by name: the root, and the target of each sensor."""
-    data = problems.document.data
-    named = {key: list(data[key]) if isinstance(data.get(key), dict) else [] for key in data}
-    root, known = data.get("root"), named.get("sensors", [])
+    root, known = problems.document.data.get("root"), _names(problems, "sensors")
     if isinstance(root, str) and known and root not in known:
         problems.add(("root",), f"no sensor '{root}'{nearest_of(root, known)}")
-    known = named.get("targets", [])
+    known = _names(problems, "targets")
     for name, sensor in sensors.items():
         path = ("sensors", name)
         if sensor.target is None and len(known) > 1:
@@ -217,7 +224,7 @@ def _check_names(
 
 def _check_poses(problems: Problems, sensors: Mapping[str, SensorConfig]) -> None:
     """Every parent is another sensor, and no chain of parents comes back to itself."""
-    known = list(problems.document.data.get("sensors") or ())
+    known = _names(problems, "sensors")
     parents = {name: s.pose.parent for name, s in sensors.items() if s.pose is not None}
     for name, parent in parents.items():
         path = ("sensors", name, "pose", "parent")

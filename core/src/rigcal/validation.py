@@ -11,6 +11,16 @@ from pydantic import BaseModel, ValidationError
 Key = str | int
 Problem = tuple[tuple[Key, ...], str]
 
+_MAPPING = "a mapping (`key: value` lines)"
+# What YAML calls pydantic's kinds of data.
+_IN_YAML = {
+    "dict_type": _MAPPING,
+    "mapping_type": _MAPPING,
+    "model_type": _MAPPING,
+    "list_type": "a list",
+    "tuple_type": "a list",
+}
+
 
 def explain(
     error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]
@@ -66,7 +76,9 @@ def _wrong_value(detail: Any) -> str:
     text = str(detail["msg"])
     if detail["type"] == "value_error":
         return text.removeprefix("Value error, ")
-    if text.startswith("Input should be "):
+    if detail["type"] in _IN_YAML:
+        text = _IN_YAML[detail["type"]]
+    elif text.startswith("Input should be "):
         text = text.removeprefix("Input should be ").split(", unable to")[0]
         text = f"a value {text}" if text.startswith(("greater", "less")) else text
     found = detail.get("input")

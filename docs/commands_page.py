@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
+
+_HEAD = "| argument or option | what it is | default |\n|---|---|---|"
 
 
 def commands() -> dict[str, Any]:
@@ -23,7 +26,7 @@ def commands_page() -> str:
     parts = []
     for name, command in commands().items():
         text = re.sub(r"\s+", " ", command.help or "").strip()
-        table = "\n".join(["| argument or option | |", "|---|---|", *_rows(command)])
+        table = "\n".join([_HEAD, *_rows(command)])
         parts.append(f"## rigcal {name}\n\n{text}\n\n{table}")
     return "\n\n".join(parts) + "\n"
 
@@ -36,8 +39,17 @@ def _rows(command: Any) -> list[str]:
         if parameter.param_type_name == "argument":
             label = (parameter.metavar or parameter.name.upper()).strip("[]")
         else:
-            value = parameter.metavar or ("" if parameter.is_flag else "VALUE")
+            choices = " or ".join(map(str, getattr(parameter.type, "choices", ())))
+            value = parameter.metavar or ("" if parameter.is_flag else choices or "VALUE")
             names = ", ".join([*parameter.opts, *parameter.secondary_opts])
             label = f"{names} {value}".strip()
-        rows.append(f"| `{label}` | {parameter.help or ''} |")
+        rows.append(f"| `{label}` | {parameter.help or ''} | {_default(parameter)} |")
     return rows
+
+
+def _default(parameter: Any) -> str:
+    if parameter.required:
+        return "required"
+    # Flags are off, and what may be given several times is not given.
+    given = isinstance(parameter.default, int | float | str | Path)
+    return f"`{parameter.default}`" if given and not isinstance(parameter.default, bool) else ""

@@ -39,10 +39,10 @@ def _rows(command: Any) -> list[str]:
         if parameter.param_type_name == "argument":
             label = (parameter.metavar or parameter.name.upper()).strip("[]")
         else:
-            choices = " or ".join(map(str, getattr(parameter.type, "choices", ())))
-            value = parameter.metavar or ("" if parameter.is_flag else choices or "VALUE")
+            value = parameter.metavar or ("" if parameter.is_flag else "VALUE")
             names = ", ".join([*parameter.opts, *parameter.secondary_opts])
-            label = f"{names} {value}".strip()
+            # A bar would end the cell.
+            label = f"{names} {value}".strip().replace("|", " or ")
         rows.append(f"| `{label}` | {parameter.help or ''} | {_default(parameter)} |")
     return rows
 

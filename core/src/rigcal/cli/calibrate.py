@@ -42,14 +42,20 @@ def calibrate(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random sampling.")] = 0,
     formulation: Annotated[
         Formulation,
-        typer.Option(help="Maximum likelihood over all measurements, or the graph of MSG-Cal."),
+        typer.Option(
+            metavar="joint|msgcal",
+            help="Maximum likelihood over all measurements, or the graph of MSG-Cal.",
+        ),
     ] = "joint",
     no_filter: Annotated[
         bool, typer.Option("--no-filter", help="Use all data, outliers too.")
     ] = False,
     initial: Annotated[
         Initial,
-        typer.Option(help="Start from the spanning tree of the pairs, or with all at the root."),
+        typer.Option(
+            metavar="tree|identity",
+            help="Start from the spanning tree of the pairs, or with all at the root.",
+        ),
     ] = "tree",
     second_look: Annotated[
         bool | None,

@@ -214,3 +214,13 @@ def test_an_index_of_a_chunk_that_is_too_short_is_named_with_its_cure(
     path.write_bytes(content)
     error = _error(path) or ""
     assert "the index of topic '/front/scan' has 1 of its 12 messages; rebuild it with" in error
+
+
+def test_a_record_of_an_mcap_that_is_shorter_than_its_kind_is_a_damaged_file(
+    make_bag: Callable[[str], Path],
+) -> None:
+    path = make_bag("mcap")
+    content = bytearray(path.read_bytes())
+    content[9:17] = (2).to_bytes(8, "little")  # the length of the header, after magic and op
+    path.write_bytes(content[:-20])
+    assert (_error(path) or "").startswith(f"{path}: cannot be opened: ")

@@ -19,7 +19,8 @@ def advice(path: Path) -> str:
     try:
         advise = _folder if path.is_dir() else _ADVICE.get(path.suffix, _folder)
         return advise(path)
-    except OSError:  # it went away, say with the disk that it was on
+    except (OSError, struct.error):
+        # It went away, say with the disk that it was on; or a record is shorter than its kind is.
         return ""
 
 

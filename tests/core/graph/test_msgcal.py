@@ -192,6 +192,25 @@ def test_a_pose_that_the_data_leave_open_is_accepted_by_the_joint_estimate_only(
         finish(stages, Method("msgcal", accept_weak=True))
 
 
+@pytest.mark.parametrize("initial", ["tree", "identity"])
+@pytest.mark.parametrize(("kinds", "edges"), [(("plane", "point"), 0), (("pose", "pose"), 3)])
+def test_a_graph_whose_edges_contradict_nothing_has_no_covariance(
+    make_ring, kinds, edges, initial
+) -> None:
+    """A plane and a point have no edge, and two poses of one board agree whatever their noise."""
+    a, b = kinds
+    ring = make_ring(0, {"a": (a, 0.0), "b": (b, 0.0)})
+    if edges:
+        unseen = {o.exposure for o in ring.observations if not o.candidates}
+        one = next(o.exposure for o in ring.observations if o.exposure not in unseen)
+        few = tuple(o for o in ring.observations if o.exposure == one)
+        ring = replace(ring, observations=few)
+    stages = _prepare(ring)
+    assert stages.pairs[0].T_a_b is not None
+    with pytest.raises(NotDeterminedError, match=f"MSG-Cal has {edges} edges of observations, no"):
+        finish(stages, Method("msgcal", initial=initial))
+
+
 def test_another_minimum_is_not_reported_as_converged(make_ring, monkeypatch) -> None:
     stages = _prepare(make_ring(8))
     mirrored = stages.T_root["cam1"] @ se3.exp(np.array([0, np.pi, 0, 0, 0, 0]))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rigcal.errors import ConfigError, NotConvergedError
+from rigcal.errors import ConfigError, NotConvergedError, NotDeterminedError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph import joint, msgcal
@@ -66,7 +66,8 @@ def solve(stages: Stages, method: Method, progress: Progress | None = None) -> E
     """The global estimate by a method.
 
     NotConvergedError if there is none, or if one that did not start from the spanning tree ends
-    anywhere else than the one that does: at a minimum that is not the lowest.
+    anywhere else than the one that does: at a minimum that is not the lowest. NotDeterminedError
+    where the graph of MSG-Cal leaves a pose open, or has no edges to spare.
     """
     formulation = {"joint": _solve_joint, "msgcal": _solve_msgcal}[method.formulation]
     result = formulation(stages, method, progress)
@@ -104,6 +105,12 @@ def _solve_msgcal(stages: Stages, method: Method, progress: Progress | None) -> 
         )
     tell("global estimate", 0, 1)
     graph = stages.graph(filtered=method.filtered)
+    if graph.redundancy(len(stages.T_root) - len(stages.fixed)) <= 0:
+        raise NotDeterminedError(
+            f"the graph of MSG-Cal has {graph.edges} edges of observations, no more than its poses "
+            "need: nothing tells how exact they are; record more exposures, or use the formulation "
+            "joint (observations of a point and of a plane, or of two lines, have no edge)"
+        )
     solved = msgcal.solve(graph, stages.start(method), stages.fixed)
     selections, refused = {}, dict.fromkeys(task.exposures, _NO_EDGE)
     for x in graph.exposures:

@@ -39,6 +39,10 @@ class MsgcalGraph:
         """How many edges count in the graph error."""
         return sum(len(x.nodes) + len(x.relations) for x in self.exposures)
 
+    def redundancy(self, free: int) -> int:
+        """How much the edges in metres can contradict each other, with `free` sensors to place."""
+        return sum(r.rank for x in self.exposures for r in x.relations) - 6 * free
+
     @property
     def sigma_m(self) -> float:
         """The weight of edges in metres: rms distance over the inliers of pairs, loose ones aside.
@@ -85,8 +89,7 @@ def solve(
         problem, values = again, again.optimise()
     error = problem.error_m2(values)
     free = tuple(s for s in sensors if s not in fixed)
-    redundancy = sum(r.rank for x in graph.exposures for r in x.relations) - 6 * len(free)
-    variance = error / max(redundancy, 1) / graph.sigma_m**2
+    variance = error / max(graph.redundancy(len(free)), 1) / graph.sigma_m**2
     covariance = variance * problem.covariance(values, free)
     information = Information(free, covariance, ())
     return MsgcalSolution(

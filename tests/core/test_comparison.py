@@ -181,3 +181,5 @@ def test_command_names_a_file_of_another_kind(tmp_path: Path, command: Any) -> N
         f"rigcal: {verdict}:1: format: found 'rigcal-verdict', expected 'rigcal-calibration', "
         "which is the calibration.yaml that `rigcal calibrate` writes, or a rig file with poses\n"
     )
+    verdict.write_text("format: {kind: verdict}\n")
+    assert "found a mapping, expected 'rigcal-calibration'" in command("compare", a, verdict).err

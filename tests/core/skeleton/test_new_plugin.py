@@ -69,6 +69,11 @@ def test_name_of_the_distribution_is_told_from_that_of_the_type(tmp_path: Path, 
     assert not (tmp_path / "new").exists()
 
 
+def test_a_name_is_suggested_only_if_it_can_be_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'rigcal-' is no name for a sensor type: use small"):
+        rigcal.new_plugin("rigcal-", tmp_path / "new")
+
+
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("work of years")
     with pytest.raises(InputError, match="is there already"):

@@ -50,7 +50,7 @@ def load_poses(path: Path) -> Calibration:
     from rigcal.calibration_file import load_calibration
     from rigcal.calibration_text import FORMAT
     from rigcal.comparison import calibration_of_poses
-    from rigcal.document import read_document
+    from rigcal.document import describe, read_document
     from rigcal.errors import ConfigError
     from rigcal.plugin.registry import Registry
     from rigcal.rig import load_rig
@@ -59,8 +59,8 @@ def load_poses(path: Path) -> Calibration:
     found = document.data.get("format")
     if found not in (None, FORMAT):
         raise ConfigError(
-            f"{document.where(('format',))}: found '{found}', expected '{FORMAT}', which is the "
-            "calibration.yaml that `rigcal calibrate` writes, or a rig file with poses"
+            f"{document.where(('format',))}: found {describe(found)}, expected '{FORMAT}', which "
+            "is the calibration.yaml that `rigcal calibrate` writes, or a rig file with poses"
         )
     if found == FORMAT or "version" not in document.data:
         return load_calibration(path)

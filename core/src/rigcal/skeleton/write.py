@@ -21,10 +21,11 @@ def new_plugin(name: str, folder: Path | str | None = None) -> Path:
     and the tests of the conformance kit, which pass; its README says what to change where.
     InputError for a name that cannot be one, or when the folder is there already.
     """
-    if name.startswith(("rigcal-", "rigcal_")):
+    own = name.removeprefix("rigcal")[1:]
+    if name.startswith(("rigcal-", "rigcal_")) and _NAME.fullmatch(own):
         raise InputError(
             f"'{name}' is the name of a distribution; give that of the sensor type, as rig files "
-            f"will have it after `type:`: '{name[len('rigcal-') :]}'"
+            f"will have it after `type:`: '{own}'"
         )
     if not _NAME.fullmatch(name):
         raise InputError(

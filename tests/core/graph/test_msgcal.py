@@ -267,6 +267,19 @@ def test_a_sensor_with_a_fixed_pose_keeps_it(make_ring) -> None:
     assert result.sensors["cam2"].covariance is None
 
 
+def test_sensors_that_all_have_fixed_poses_keep_them_though_their_pair_contradicts(
+    make_ring,
+) -> None:
+    """The graph of a plane and a point has that pair alone; its search has to end."""
+    ring = make_ring(35, {"a": ("plane", 10.0), "b": ("point", 0.0)})
+    graph = _prepare(ring).graph()
+    assert (graph.edges, len(graph.pairs)) == (0, 1)
+    poses = {"a": np.eye(4), "b": _turned(ring, 1.0)["b"]}
+    found = msgcal.solve(graph, poses, frozenset(poses))
+    np.testing.assert_array_equal(found.sensors["b"], poses["b"])
+    assert not found.information.sensors
+
+
 def test_unknown_words_are_refused() -> None:
     with pytest.raises(ConfigError, match="formulation 'joined' is unknown, expected joint or ms"):
         Method("joined")

@@ -75,6 +75,10 @@ def solve(
     residuals tell it. It is not that of a maximum-likelihood estimate: the pairs count the
     observations a second time, and all points alike.
     """
+    free = tuple(s for s in sensors if s not in fixed)
+    if not free:
+        # GTSAM may search without end where only stiff priors and a pair contradict each other.
+        return MsgcalSolution(dict(sensors), Information((), np.zeros((0, 0)), ()))
     problem = _Problem.of(graph, sensors, fixed)
     # From far off the sensors come near by their own edges, before observations have a say.
     near = _Problem.of(graph, _by_pairs(graph.pairs, sensors, fixed), fixed)
@@ -88,7 +92,6 @@ def solve(
             break
         problem, values = again, again.optimise()
     error = problem.error_m2(values)
-    free = tuple(s for s in sensors if s not in fixed)
     variance = error / max(graph.redundancy(len(free)), 1) / graph.sigma_m**2
     covariance = variance * problem.covariance(values, free)
     information = Information(free, covariance, ())
@@ -216,8 +219,6 @@ class _Problem:
         """(6 S, 6 S) marginal covariance of sensors."""
         import gtsam
 
-        if not sensors:
-            return np.zeros((0, 0))
         keys = [self.keys[s] for s in sensors]
         try:
             joint = gtsam.Marginals(self.graph, values).jointMarginalCovariance(keys)

@@ -154,6 +154,35 @@ def _echo(frame: Array, config: Any, target: Any, T_s_t: Array) -> Detection:
     return _detect(T_s_t[:3, 3], config, target)
 
 
+def _reporting(variances: Any) -> SensorType:
+    """The beacon with a covariance of another size; its own residual does not go by it."""
+
+    def detect(frame: Array, config: Any, target: Any) -> Detection:
+        found = _detect(frame, config, target)
+        stated = config.sigma_m**2 * np.diag(np.broadcast_to(variances, 3))
+        return Detection(
+            tuple(
+                replace(c, geometry=replace(c.geometry, covariance=stated))
+                for c in found.candidates
+            ),
+            found.reason,
+        )
+
+    return replace(BEACON, detect=detect)
+
+
+def _unstamped(frame: Array, config: Any, stamp_ns: int, frame_id: str) -> Any:
+    return _encode(frame, config, 0, frame_id)
+
+
+def _unframed(frame: Array, config: Any, stamp_ns: int, frame_id: str) -> Any:
+    return _encode(frame, config, stamp_ns, "")
+
+
+def _info(config: Any, stamp_ns: int, frame_id: str) -> dict[str, tuple[str, Any]]:
+    return {"info": (POINT, _encode(np.zeros(3), config, 0, frame_id))}
+
+
 def _unready(r: Array) -> Array:
     if not np.isfinite(r).all():
         raise FloatingPointError("no number")
@@ -195,6 +224,22 @@ FAULTS: dict[str, tuple[SensorType, str]] = {
         replace(BEACON, combine=lambda candidates, *_: candidates[0]),
         "frames_together_know_more_and_not_too_much",
     ),
+    "no stamp": (
+        replace(BEACON, encode=_unstamped),
+        "messages_carry_the_stamp_and_frame_that_they_are_given",
+    ),
+    "no frame": (
+        replace(BEACON, encode=_unframed),
+        "messages_carry_the_stamp_and_frame_that_they_are_given",
+    ),
+    "no stamp beside": (
+        replace(BEACON, extra_messages=_info),
+        "messages_carry_the_stamp_and_frame_that_they_are_given",
+    ),
+    "sure of its geometry": (_reporting(1 / 9), "covariance_of_the_geometry_is_true"),
+    "sure of one axis": (_reporting([1, 1 / 3, 1]), "covariance_of_the_geometry_is_true"),
+    "sure of its detection": (_reporting(1 / 9), "noise_of_frames_is_the_configured_one"),
+    "unsure of its geometry": (_reporting(16), "covariance_of_the_geometry_is_true"),
     "echo": (replace(BEACON, near=_echo), "second_look_shows_nothing_where_nothing_is"),
     "all-seeing": (
         replace(BEACON, sees=lambda p, _: np.ones(len(p), bool)),
@@ -224,6 +269,15 @@ def test_a_fault_fails_its_check(fault: str, tmp_path: Path) -> None:
     stage.folder = tmp_path
     with pytest.raises((AssertionError, ObservationError)):
         getattr(stage, f"test_{check}")()
+
+
+def test_a_detector_may_state_what_it_does_not_measure_as_unknown() -> None:
+    class Stage(SensorConformance):
+        sensor_type = _reporting([1, 1e4, 1e4])
+        config = BeaconConfig(topic="/beacon")
+
+    Stage.__test__ = False  # type: ignore[attr-defined]
+    Stage().test_covariance_of_the_geometry_is_true()
 
 
 def test_a_residual_that_raises_at_a_pose_is_told_what_to_raise() -> None:

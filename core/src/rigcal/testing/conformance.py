@@ -40,11 +40,13 @@ class SensorConformance(
 
     - the config survives YAML and JSON, is in the schema, refuses unknown keys and NaN; listing
       the plugin imports nothing heavy (`config_checks`);
-    - messages come back from MCAP and .bag as they went in; empty, truncated, misshapen messages
-      and files, and those that hold NaN, are a RecordingError or show nothing (`message_checks`);
+    - messages come back from MCAP and .bag as they went in, with their stamp and frame; empty,
+      truncated, misshapen messages and files, and those that hold NaN, are a RecordingError or show
+      nothing (`message_checks`);
     - without noise, frame -> detect -> residual is near zero at the true pose; the residual is
-      whitened, its Jacobian is its derivative, its order of rows does not matter; damaged
-      measurements are an ObservationError (`residual_checks`);
+      whitened, its Jacobian is its derivative, its order of rows does not matter; the covariance
+      that the detector reports is that of its errors; damaged measurements are an ObservationError
+      (`residual_checks`);
     - what its config can refine starts where the config says, comes back from `apply`, and moves
       the residual as its derivative claims; so does the bend of the board (`refine_checks`);
     - several frames of a board at rest know more together than one, and no more than is true; a

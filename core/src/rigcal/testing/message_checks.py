@@ -17,6 +17,10 @@ from rigcal.testing.capability import needs
 from rigcal.testing.same import assert_same
 from rigcal.testing.stage import Stage
 
+_HEADER = (1_700_000_000_123_456_789, "kit_sensor")
+_DELAY_NS = 40_000_000
+"""A message is recorded later than it was measured: its log time is not its stamp."""
+
 _SPOILT = ("empty", "truncated", "longer", "not finite", "huge")
 
 
@@ -50,6 +54,32 @@ class MessageChecks(Stage):
         assert_same(frames[1], frames[2], where="the frame from an MCAP and from a .bag")
         # A message may hold more digits before it is written in single precision.
         assert_same(frames[0], frames[1], 1e-6)
+
+    @needs("simulate", "encode")
+    def test_messages_carry_the_stamp_and_frame_that_they_are_given(self) -> None:
+        """In their header, where their type has one, as a recording gives them back."""
+        kind, rng = self.sensor_type, np.random.default_rng(0)
+        assert kind.encode is not None
+        frame = self.simulate(self.poses(rng, 1)[0], self.config, rng)
+        made = {"encode": (kind.message_type, kind.encode(frame, self.config, *_HEADER))}
+        if kind.extra_messages is not None:
+            extra = kind.extra_messages(self.config, *_HEADER).items()
+            made |= {f"extra_messages '{suffix}'": message for suffix, message in extra}
+        path = self.folder / "stamped.mcap"
+        with RecordingWriter(path) as writer:
+            for i, (name, value) in enumerate(made.values()):
+                writer.write(f"/sensor/{i}", str(name), value, _HEADER[0] + _DELAY_NS)
+        with open_recording(path, kind.message_definitions) as recording:
+            for i, what in enumerate(made):
+                (read,) = recording.read(Source(topic=f"/sensor/{i}"))
+                header = getattr(read.value, "header", None)
+                if header is not None:
+                    stamp_ns = header.stamp.sec * 10**9 + header.stamp.nanosec
+                    found = (stamp_ns, header.frame_id)
+                    assert found == _HEADER, (
+                        f"{what} was given stamp_ns and frame_id {_HEADER}, and the header of its "
+                        f"message says {found}: fill it by ros.header(stamp_ns, frame_id)"
+                    )
 
     @needs("messages")
     def test_decoding_is_deterministic_and_leaves_the_message_alone(self) -> None:

@@ -16,11 +16,12 @@ from rigcal.graph.stack import EdgeStack
 from rigcal.observation import Candidate, Observation
 from rigcal.observation_file import load_observations, save_observations
 from rigcal.plugin.answers import check_detection, check_residual
+from rigcal.residual import residual_of_geometry
 from rigcal.testing import strategies as st
 from rigcal.testing.capability import needs
 from rigcal.testing.same import assert_same
 from rigcal.testing.stage import TOLERANCES, Stage
-from rigcal.testing.statistics import assert_chi_square, assert_white
+from rigcal.testing.statistics import assert_chi_square, assert_covariance, assert_white
 
 _DRAWS, _POSES = 120, 6
 _STEP = 1e-6
@@ -120,6 +121,15 @@ class ResidualChecks(Stage):
         rows, count = self._rows_at_the_truth()
         assert_chi_square(sum(float(r @ r) for r in rows), count, "the residual at the truth")
         assert_white(rows)
+
+    @needs("candidates")
+    def test_covariance_of_the_geometry_is_true(self) -> None:
+        """Pairs, gates for outliers and reports go by it, also beside a residual of its own."""
+        rng = np.random.default_rng(5)
+        poses = self.poses(rng, _DRAWS)
+        rows = [residual_of_geometry(self.candidate(T_s_t, rng))(T_s_t)[0] for T_s_t in poses]
+        r = np.concatenate(rows)
+        assert_covariance(float(r @ r), len(r), "the geometry of candidates")
 
     @needs("candidates")
     def test_same_seed_gives_the_same_candidate(self) -> None:

@@ -7,10 +7,11 @@ import numpy as np
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
 from rigcal.graph.board import center_of
+from rigcal.residual import residual_of_geometry
 from rigcal.testing.capability import needs
 from rigcal.testing.same import assert_same
 from rigcal.testing.stage import Stage
-from rigcal.testing.statistics import assert_chi_square
+from rigcal.testing.statistics import assert_chi_square, assert_covariance
 
 _FRAMES = 30
 
@@ -33,17 +34,22 @@ class SimulatorChecks(Stage):
 
     @needs("simulate")
     def test_noise_of_frames_is_the_configured_one(self) -> None:
-        """Through the detector: whitened residuals, and raw errors where `raw_sigma` is known."""
+        """Through the detector: whitened residuals, the covariance of what it reports, and raw
+        errors where `raw_sigma` is known.
+        """
         rng = np.random.default_rng(11)
-        whitened, dof, raw = 0.0, 0, []
+        whitened, dof, raw, geometry = 0.0, 0, [], []
         for T_s_t in self.poses(rng, _FRAMES):
             candidate = self.detected(self.simulate(T_s_t, self.config, rng))
             residual = self.residual(candidate)
             whitened += float(np.sum(residual(T_s_t)[0] ** 2))
             dof += residual.dof
             raw.append(np.ravel(self.errors(candidate, T_s_t)))
+            geometry.append(residual_of_geometry(candidate)(T_s_t)[0])
         bound = not self.raw_noise_is_configured
         assert_chi_square(whitened, dof, "whitened residuals of frames", only_above=bound)
+        r = np.concatenate(geometry)
+        assert_covariance(float(r @ r), len(r), "the geometry of detections", only_above=bound)
         if self.raw_sigma is not None and self.sensor_type.errors is not None:
             errors = np.concatenate(raw)
             chi2 = float(errors @ errors) / self.raw_sigma**2

@@ -11,6 +11,10 @@ from rigcal.geometry.se3 import Array
 SIGNIFICANCE = 1e-4
 """A true law fails with this probability; the draws are seeded, so it does so always or never."""
 
+_MOST_CAUTIOUS = 3.0
+"""How many times as large as the errors a geometry's standard deviations may be: what a sensor does
+not measure (the elevation of a flat radar) has to be stated as unknown."""
+
 
 def assert_chi_square(value: float, dof: float, what: str, *, only_above: bool = False) -> None:
     """AssertionError unless a sum of squares of `dof` unit normal variables may be `value`."""
@@ -25,6 +29,27 @@ def assert_chi_square(value: float, dof: float, what: str, *, only_above: bool =
     assert only_above or value > low, (
         f"{what}: the errors are only {scale:.4g} times the configured noise "
         f"(chi-square {value:.1f}, expected above {low:.1f})"
+    )
+
+
+def assert_covariance(square: float, dof: int, what: str, *, only_above: bool = False) -> None:
+    """AssertionError unless `square`, of errors whitened by a covariance, is about `dof`.
+
+    Errors that are larger than the covariance says are refused as those of a wrong noise are;
+    smaller ones where they are far smaller.
+    """
+    from scipy.stats import chi2
+
+    high, scale = chi2.isf(SIGNIFICANCE / 2, dof), float(np.sqrt(square / dof))
+    assert square < high, (
+        f"{what}: the errors at the truth are {scale:.3g} times as large as its covariance says "
+        f"(chi-square {square:.1f}, expected below {high:.1f}); pairs of sensors, the search for "
+        "outliers and reports go by it: derive it from the noise in the config"
+    )
+    assert only_above or scale > 1 / _MOST_CAUTIOUS, (
+        f"{what}: the errors at the truth are only {scale:.3g} times what its covariance says, "
+        f"expected above {1 / _MOST_CAUTIOUS:.2f}; outliers would pass: derive it from the noise "
+        "in the config"
     )
 
 

@@ -250,6 +250,25 @@ def test_a_sensor_without_observations_is_not_said_to_be_blind(registry):
         calibrate(rig, registry, seen)
 
 
+def test_of_two_observations_of_one_exposure_none_is_dropped_in_silence(registry):
+    rig = rig_of(registry, a="pose", b="pose")
+    seen = record(rig, np.random.default_rng(0), count=12)
+    again = replace(seen[3], origin="elsewhere")
+    message = f"'{again.sensor}', exposure '{again.exposure}': two observations, of .* and elsewhe"
+    with pytest.raises(ObservationError, match=message):
+        calibrate(rig, registry, [*seen, again])
+    blank = replace(again, candidates=(), reason="not seen")
+    with pytest.raises(ObservationError, match="two observations"):
+        calibrate(rig, registry, [*seen, blank])
+
+
+def test_observations_may_come_from_a_generator(registry):
+    rig = rig_of(registry, a="pose", b="pose")
+    seen = record(rig, np.random.default_rng(0), count=12)
+    found = calibrate(rig, registry, (o for o in seen))
+    np.testing.assert_array_equal(found.T("a", "b"), calibrate(rig, registry, seen).T("a", "b"))
+
+
 def test_a_target_of_half_its_size_is_told_from_other_mistakes(registry):
     rig = rig_of(registry, a="pose", b="plane")
     observations = []

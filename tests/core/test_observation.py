@@ -97,7 +97,16 @@ def test_line_keeps_the_order_of_its_points() -> None:
         (lambda: PoseGeometry.of(np.diag([2, 1, 1, 1]), 0.01, 0.01), "is no pose.*R a rotation"),
         (lambda: PoseGeometry.of(T_S_T[:3], 0.01, 0.01), r"shape \(3, 4\) is no pose"),
         (lambda: Detection(()), "must say why in `reason`"),
+        (lambda: PoseGeometry.of(T_S_T, 0.0, 0.01), "sigma_rad is 0.0, expected a finite number"),
+        (lambda: PlaneGeometry.through(np.eye(3), -0.01), "sigma_m is -0.01, expected .* above 0"),
+        (lambda: LineGeometry.through(np.eye(2), np.nan), "sigma_m is nan"),
+        (lambda: PointGeometry.at([1, 2, 3], [0, 0, 0], 0), "sigma_m is 0"),
         (lambda: Observation.of("cam", "3"), "sensor 'cam', exposure '3': no geometry"),
+        (lambda: Observation.of("cam", "3", 5), "'3': found int, expected a PoseGeometry, Plane"),
+        (
+            lambda: Observation.of("cam", 3, PointGeometry.at([1, 2, 3], [0, 0, 0], 1)),
+            "sensor 'cam', exposure 3: found int, expected the exposure's name as text",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_named(make: Callable[[], object], message: str) -> None:

@@ -11,13 +11,24 @@ from rigcal.rig import Rig
 
 
 def check_observations(rig: Rig, observations: Sequence[Observation]) -> None:
-    """ObservationError names the sensors that were observed and are not in the rig."""
+    """ObservationError for sensors that are not in the rig, and for two observations of one
+    sensor in one exposure, of which only one would count.
+    """
     unknown = sorted({o.sensor for o in observations} - set(rig.sensors))
     if unknown:
         raise ObservationError(
             f"observations of {', '.join(unknown)}, which the rig does not name "
             f"(it has {', '.join(rig.sensors)}); use the rig file they were made with"
         )
+    first: dict[tuple[str, str], Observation] = {}
+    for o in observations:
+        other = first.setdefault((o.sensor, o.exposure), o)
+        if other is not o and (o.candidates or other.candidates):
+            raise ObservationError(
+                f"sensor '{o.sensor}', exposure '{o.exposure}': two observations, of "
+                f"{other.origin} and {o.origin}; expected one (it may have several candidates): "
+                "name exposures differently, or leave one of the two out"
+            )
 
 
 def check_calibration(rig: Rig, calibration: Calibration) -> None:

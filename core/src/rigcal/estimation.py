@@ -51,7 +51,7 @@ def prepare(
     progress: Progress | None = None,
 ) -> Stages:
     """What all methods start from: pairs and spanning tree. Errors as of `calibrate`."""
-    return first_stages(_task(rig, registry, observations), seed, progress)
+    return first_stages(_task(rig, registry, tuple(observations)), seed, progress)
 
 
 def finish(stages: Stages, method: Method, progress: Progress | None = None) -> Calibration:

@@ -25,8 +25,10 @@ class PoseGeometry:
     def of(cls, T_s_t: ArrayLike, sigma_rad: float, sigma_m: float) -> Self:
         """A pose (4, 4) with equal noise about all axes and equal noise along them.
 
-        ObservationError if it is no pose: a transposed one would be a plausible wrong one.
+        ObservationError if it is no pose (a transposed one would be a plausible wrong one), or
+        without noise.
         """
+        _check_sigmas(sigma_rad=sigma_rad, sigma_m=sigma_m)
         T = _rows(T_s_t, "T_s_t", 4, least=1)
         rigid = T.shape == (4, 4) and np.allclose(T[3], [0, 0, 0, 1])
         if not rigid or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3):
@@ -57,8 +59,9 @@ class PlaneGeometry:
     def through(cls, points: ArrayLike, sigma_m: float) -> Self:
         """The plane nearest to points (N, 3) on the target, whose noise across it is `sigma_m`.
 
-        ObservationError if the points do not span a plane.
+        ObservationError if the points do not span a plane, or without noise.
         """
+        _check_sigmas(sigma_m=sigma_m)
         p = _rows(points, "points", 3, least=3)
         n, d = fit_plane(p)
         center = p.mean(axis=0)
@@ -87,8 +90,9 @@ class LineGeometry:
         """The line nearest to points (N, 2) in the plane z = 0 of a 2D laser, with that noise.
 
         It starts at the first and ends at the last point along it. ObservationError if the points
-        do not span a line.
+        do not span a line, or without noise.
         """
+        _check_sigmas(sigma_m=sigma_m)
         p = _rows(points, "points", 2, least=2)
         center = p.mean(axis=0)
         along = np.linalg.svd(p - center, full_matrices=False)[2][0]
@@ -122,6 +126,7 @@ class PointGeometry:
     @classmethod
     def at(cls, position: ArrayLike, target_point: ArrayLike, sigma_m: float) -> Self:
         """A point seen at `position` (3,) that is at `target_point` (3,), with equal noise."""
+        _check_sigmas(sigma_m=sigma_m)
         seen, known = _vector(position, "position"), _vector(target_point, "target_point")
         return cls(seen, sigma_m**2 * np.eye(3), known)
 
@@ -194,6 +199,13 @@ class Observation:
     reason: str = ""
     frames: tuple[int, ...] = ()
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.exposure, str):
+            raise ObservationError(
+                f"sensor '{self.sensor}', exposure {self.exposure!r}: found "
+                f"{type(self.exposure).__name__}, expected the exposure's name as text"
+            )
+
     @classmethod
     def of(
         cls, sensor: str, exposure: str, *geometries: Geometry, stamp_ns: int = 0, origin: str = ""
@@ -201,12 +213,17 @@ class Observation:
         """What a sensor saw in an exposure, by hand; several geometries are alternatives.
 
         Such candidates have no raw measurements: they count by their geometry and covariance.
-        ObservationError without any geometry.
+        ObservationError without any geometry, and for what is none.
         """
+        where = f"sensor '{sensor}', exposure '{exposure}'"
         if not geometries:
-            raise ObservationError(
-                f"sensor '{sensor}', exposure '{exposure}': no geometry; leave the observation out"
-            )
+            raise ObservationError(f"{where}: no geometry; leave the observation out")
+        for g in geometries:
+            if not isinstance(g, Geometry):
+                raise ObservationError(
+                    f"{where}: found {type(g).__name__}, expected a PoseGeometry, PlaneGeometry, "
+                    "LineGeometry or PointGeometry"
+                )
         marked = {"by_hand": np.array(True)}
         candidates = tuple(Candidate(g, marked, -float(i)) for i, g in enumerate(geometries))
         return cls(sensor, exposure, stamp_ns, origin or "by hand", candidates)
@@ -226,6 +243,12 @@ def _rows(values: ArrayLike, name: str, columns: int, least: int) -> Array:
     if not np.isfinite(array).all():
         raise ObservationError(f"{name} holds a value that is not finite")
     return array
+
+
+def _check_sigmas(**sigmas: float) -> None:
+    for name, sigma in sigmas.items():
+        if not (np.isfinite(sigma) and sigma > 0):
+            raise ObservationError(f"{name} is {sigma}, expected a finite number above 0")
 
 
 def _vector(values: ArrayLike, name: str) -> Array:

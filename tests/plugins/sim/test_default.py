@@ -1,15 +1,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytest
+import yaml
 
 from rigcal.errors import ConfigError
-from rigcal.plugin import Registry
-from rigcal.rig import Rig, build_targets
+from rigcal.plugin import Registry, SensorConfig, SensorType, hookimpl
+from rigcal.rig import Rig, build_targets, parse_rig
 from rigcal_sim.default import default_scenario
 from rigcal_sim.sampling import sample_board_poses
+from rigcal_sim.scenario import ScenarioConfig
 
 MakeRig = Callable[..., Rig]
 
@@ -45,3 +49,33 @@ def test_sensors_that_look_apart_have_no_scenario(make_rig: MakeRig, registry: R
     target = build_targets(rig, registry)["board"]
     with pytest.raises(ConfigError, match=r"no two sensors of rig .* or give a scenario file"):
         default_scenario(rig, registry, target)
+
+
+def test_a_camera_as_root_that_looks_at_the_sky_is_told_how_to_look_ahead() -> None:
+    class EyeConfig(SensorConfig, frozen=True):
+        optical: ClassVar[bool] = True
+        type: Literal["eye"] = "eye"
+
+    def sees(p_s: Any, config: Any) -> Any:
+        return p_s[:, 2] > 0.5 * np.linalg.norm(p_s, axis=1)
+
+    @hookimpl
+    def rigcal_sensor_types() -> list[SensorType]:
+        unused = lambda *_: None  # noqa: E731
+        return [SensorType("eye", EyeConfig, (".none",), unused, unused, sees=sees)]
+
+    registry = Registry([SimpleNamespace(rigcal_sensor_types=rigcal_sensor_types)])
+    board = {"type": "checkerboard", "columns": 7, "rows": 5, "square_size_m": 0.1}
+    b = {"type": "eye", "pose": {"parent": "a", "translation_m": [0.2, 0.0, 0.0]}}
+    rig = parse_rig(
+        {"version": 1, "root": "a", "targets": {"board": board},
+         "sensors": {"a": {"type": "eye"}, "b": b}}, registry,
+    )  # fmt: skip
+    target = build_targets(rig, registry)["board"]
+    around = {"bearings_deg": [0.0], "radii_m": [2.0], "samples": 2}
+    with pytest.raises(ConfigError, match="root 'a' looks along its own z axis, up too: give") as e:
+        sample_board_poses(rig, registry, target, ScenarioConfig(board=around), seed=0)
+    advised = yaml.safe_load(str(e.value).split("`")[1])
+    ahead = ScenarioConfig(board=around, **advised)
+    poses = sample_board_poses(rig, registry, target, ahead, seed=0)
+    assert poses.seen_by == (("a", "b"),) * 2

@@ -157,5 +157,11 @@ class _Sampler:
             if len(seen) >= self.scenario.min_sensors
         ]
         if not good:
+            root = self.rig.root
+            if self.rig.sensors[root].optical and not any(self.scenario.root_pose.rpy_deg):
+                return (
+                    f"the world's z axis is up, and root '{root}' looks along its own z axis, up "
+                    "too: give `root_pose: {rpy_deg: [-90, 0, -90]}` if it looks ahead"
+                )
             return "no bearing is good at this radius and height, take others"
         return f"take bearings_deg among {', '.join(good)}"

@@ -71,3 +71,18 @@ def test_programs_get_all_of_it(validate: Validate, monkeypatch: pytest.MonkeyPa
     assert validate("--bootstrap", "32", "--quiet") == (0, "", "")
     text = validate("--bootstrap", "32").out
     assert "over 30 draws of the exposures; 2 more had no answer" in text
+    assert "warning" not in text
+
+
+def test_a_scatter_beyond_sigma_is_a_warning(
+    validate: Validate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reported = np.eye(6) * 1e-6
+    scatters = {
+        "bow": Scatter(np.diag([16.0] * 3 + [1.0] * 3) * 1e-6, reported),
+        "stern": Scatter(np.eye(6) * 1e-6, reported),
+    }
+    monkeypatch.setattr("rigcal.resampling.bootstrap", lambda *_: Bootstrap(scatters, 30, 0))
+    text = validate("--bootstrap", "30").out
+    assert "warning: bow scatters 4 times its sigma: it rests on few exposures, or" in text
+    assert "stern scatters" not in text

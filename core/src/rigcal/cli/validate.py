@@ -15,6 +15,9 @@ from rigcal.cli.progress import progress_bar
 if TYPE_CHECKING:
     from rigcal.resampling import Bootstrap, CrossValidation
 
+# Of 100 draws the scatter is known to a tenth.
+_WIDE = 2.0
+
 
 def validate(
     rig_file: RigFile,
@@ -109,6 +112,15 @@ def _show_scatter(result: Bootstrap) -> None:
     failed = f"; {result.failed} more had no answer" if result.failed else ""
     title = f"Reported sigma, and the scatter over {result.draws} draws of the exposures{failed}"
     print_table(title, columns, rows)
+    for name, s in result.sensors.items():
+        parts = slice(3), slice(3, 6)
+        times = max(_size(s.covariance, part) / _size(s.reported, part) for part in parts)
+        if times > _WIDE:
+            print_line(
+                f"warning: {name} scatters {times:.2g} times its sigma: it rests on few exposures, "
+                "or measurements of an exposure err alike (a board that bends or trembles); record "
+                "more"
+            )
 
 
 def _shown(value: float, unit: str) -> str:

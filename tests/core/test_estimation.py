@@ -149,6 +149,8 @@ def record(rig, rng, count=40, tilt=0.6, outliers=0.0):
         {"a": "line", "b": "plane", "c": "pose"},
         {"a": "plane", "b": "line", "c": "plane"},
         {"a": "pose", "b": "point", "c": "point"},
+        {"a": "plane", "b": "point", "c": "plane"},
+        {"a": "plane", "b": "point"},
     ],
 )
 def test_finds_every_sensor_among_outliers_without_a_guess(registry, kinds):
@@ -176,8 +178,11 @@ def test_outliers_are_rejected_with_their_reason(registry):
     assert all("mm" in r.reason for r in result.rejected)
 
 
-def test_covariance_is_consistent_with_the_scatter(registry):
-    rig = rig_of(registry, a="pose", b="plane", c="line")
+@pytest.mark.parametrize(
+    "kinds", [{"a": "pose", "b": "plane", "c": "line"}, {"a": "plane", "b": "point", "c": "plane"}]
+)
+def test_covariance_is_consistent_with_the_scatter(registry, kinds):
+    rig = rig_of(registry, **kinds)
     nees = {"b": [], "c": []}
     for seed in range(16):
         result = calibrate(rig, registry, record(rig, np.random.default_rng(seed), count=20))

@@ -107,8 +107,9 @@ def misfit(g: Geometry, T_s_t: Array, target: Target, *, in_plane: bool = True) 
         # Depth and tilt are what one view knows worst: what counts is which board it is.
         return float(np.sqrt(np.mean(np.sum(difference**2, axis=1)))) / 2
     if isinstance(g, PointGeometry):
-        apart: float = float(np.linalg.norm(se3.apply(T_s_t, g.target_point) - g.position))
-        return apart
+        apart = se3.apply(se3.inverse(T_s_t), g.position) - g.target_point
+        known = apart if in_plane else np.append(_beyond(g, T_s_t, target, in_plane), apart[2])
+        return float(np.linalg.norm(known))
     n, d = plane_of_target(T_s_t)
     across = float(np.sqrt(np.mean((board_points(g, half_size(target)) @ n + d) ** 2)))
     return float(np.hypot(across, _beyond(g, T_s_t, target, in_plane)))

@@ -271,6 +271,77 @@ def test_a_fault_fails_its_check(fault: str, tmp_path: Path) -> None:
         getattr(stage, f"test_{check}")()
 
 
+def _tied(frame: Array, config: Any, target: Any) -> Detection:
+    """Ranges of three receivers, told apart by their place in the array."""
+    found = _detect(frame, config, target)
+    return Detection(
+        tuple(replace(c, measurement={"p": frame}) for c in found.candidates), found.reason
+    )
+
+
+class OpenConfig(SensorConfig, frozen=True, extra="allow"):
+    type: Literal["beacon"] = "beacon"
+    sigma_m: float = 0.01
+
+
+def _off(frame: Array, config: Any, target: Any) -> Detection:
+    return _detect(frame + 0.02 * frame.any(), config, target)
+
+
+ADVICE: dict[str, tuple[SensorType, str, str]] = {
+    "order": (
+        replace(BEACON, detect=_tied),
+        "order_of_measurements_does_not_matter",
+        r"rows of measurement 'p' \(3,\) were shuffled.* as one row, \(1, 3\)",
+    ),
+    "bias": (
+        replace(BEACON, detect=_off),
+        "frame_without_noise_is_explained_by_the_true_pose",
+        r"what `detect` reports are 0\.0346 m rms at the true pose, expected below 0\.0001 m",
+    ),
+    "extra keys": (
+        replace(BEACON, config=OpenConfig),
+        "config_is_in_the_schema",
+        "OpenConfig takes keys that it does not know",
+    ),
+    "Jacobian": (
+        _twisted(columns=lambda J: J * [1, 1, 1, 1, 1.01, 1]),
+        "jacobian_is_the_derivative",
+        "in column translation y; the worst, row .*columns are rotation .rad., then translation",
+    ),
+    "order of columns": (
+        _twisted(columns=lambda J: J[:, [3, 4, 5, 0, 1, 2]]),
+        "jacobian_is_the_derivative",
+        "in column rotation x, .* right perturbation",
+    ),
+    "stamp": (
+        replace(BEACON, encode=_unstamped),
+        "messages_carry_the_stamp_and_frame_that_they_are_given",
+        r"header of its message says \(0, 'kit_sensor'\): fill it by ros.header",
+    ),
+    "geometry": (
+        _reporting(1 / 9),
+        "covariance_of_the_geometry_is_true",
+        r"errors at the truth are [23]\.\d+ times as large as its covariance says",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", ADVICE)
+def test_a_failed_check_says_what_is_wrong_and_what_to_do(fault: str, tmp_path: Path) -> None:
+    kind, check, advice = ADVICE[fault]
+
+    class Stage(SensorConformance):
+        sensor_type = kind
+        config = kind.config(topic="/beacon")
+
+    Stage.__test__ = False  # type: ignore[attr-defined]
+    stage = Stage()
+    stage.folder = tmp_path
+    with pytest.raises(AssertionError, match=advice):
+        getattr(stage, f"test_{check}")()
+
+
 def test_a_detector_may_state_what_it_does_not_measure_as_unknown() -> None:
     class Stage(SensorConformance):
         sensor_type = _reporting([1, 1e4, 1e4])

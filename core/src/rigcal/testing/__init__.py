@@ -6,9 +6,9 @@ Needs pytest and hypothesis: `pip install rigcal[testing]`.
 import pytest
 
 # Before they are imported: failed assertions show their values.
+_CHECKS = ("config", "estimate", "message", "refine", "residual", "simulator", "stillness")
 pytest.register_assert_rewrite(
-    *(f"rigcal.testing.{part}_checks" for part in ("config", "estimate", "message")),
-    *(f"rigcal.testing.{part}_checks" for part in ("residual", "simulator")),
+    *(f"rigcal.testing.{part}_checks" for part in _CHECKS),
     *(f"rigcal.testing.{part}" for part in ("conformance", "same", "stage", "statistics")),
 )
 

@@ -59,9 +59,17 @@ class ConfigChecks(Stage):
 
     def test_config_is_in_the_schema(self) -> None:
         schema = rig_schema(self.registry)["$defs"][self.sensor_type.config.__name__]
-        assert set(schema["properties"]) == set(self.sensor_type.config.model_fields)
+        kind = self.sensor_type.config.__name__
+        fields, listed = set(self.sensor_type.config.model_fields), set(schema["properties"])
+        assert listed == fields, (
+            f"{kind} and its JSON Schema differ in {sorted(listed ^ fields)}: leave schema and "
+            "aliases of its fields to pydantic"
+        )
         assert schema["properties"]["type"]["const"] == self.sensor_type.name
-        assert schema["additionalProperties"] is False
+        assert schema["additionalProperties"] is False, (
+            f"{kind} takes keys that it does not know, so that a misspelt one would pass: take its "
+            '`extra` out; rigcal.plugin.SensorConfig forbids them ("extra": "forbid")'
+        )
 
     def test_unknown_key_is_refused_with_the_nearest_one(self) -> None:
         with pytest.raises(ConfigError) as caught:
@@ -71,8 +79,14 @@ class ConfigChecks(Stage):
     def test_numbers_that_are_not_finite_are_refused(self) -> None:
         for name, value in self.config:
             if isinstance(value, float):
-                with pytest.raises(ValidationError):
+                try:
                     self.sensor_type.config.model_validate({**dict(self.config), name: "nan"})
+                except ValidationError:
+                    continue
+                raise AssertionError(
+                    f"{name}: nan is taken; rigcal.plugin.SensorConfig refuses it "
+                    '("allow_inf_nan": False): leave that as it is'
+                )
 
     def test_type_and_config_can_be_sent_to_another_process(self) -> None:
         kind, config = pickle.loads(pickle.dumps((self.sensor_type, self.config)))

@@ -14,6 +14,7 @@ from rigcal.graph.numbers import bend_of
 from rigcal.plugin.contract import Residual
 from rigcal.plugin.refinable import Parameters
 from rigcal.testing.capability import needs
+from rigcal.testing.derivatives import MOTION, OF_MOTION, assert_derivative
 from rigcal.testing.stage import Stage
 
 _STEP = 1e-4
@@ -64,7 +65,7 @@ class RefineChecks(Stage):
         for name in self.sensor_type.refinable:
             p = self._parameters(name)
             own = [self.residual(c, (name,)) for c in candidates]
-            _check_derivatives(own, T_s_t, p.values, _steps(p))
+            _check_derivatives(own, T_s_t, p.values, _steps(p), p.names)
 
     @needs("bends", "candidates")
     def test_residual_moves_with_the_bend_of_the_board_as_its_derivative_says(self) -> None:
@@ -79,16 +80,13 @@ class RefineChecks(Stage):
             own_names: list[str | None] = [None, *self.sensor_type.refinable]
             for name in own_names:
                 first = [] if name is None else [self._parameters(name)]
-                values, steps = (
-                    np.concatenate(parts)
-                    for parts in (
-                        [*(p.values for p in first), bend],
-                        [*(_steps(p) for p in first), _steps(bend_of(target))],
-                    )
-                )
+                numbers = [*first, bend_of(target)]
+                values = np.concatenate([*(p.values for p in first), bend])
+                steps = np.concatenate([_steps(p) for p in numbers])
+                names = [each for p in numbers for each in p.names]
                 asked = () if name is None else (name,)
                 own = [self.residual(c, asked, target) for c in candidates]
-                _check_derivatives(own, T_s_t, values, steps)
+                _check_derivatives(own, T_s_t, values, steps, names)
 
     @needs("bends", "errors", "observe")
     def test_errors_are_those_against_the_bent_board(self) -> None:
@@ -122,7 +120,7 @@ def _steps(p: Parameters) -> Array:
 
 
 def _check_derivatives(
-    residuals: Sequence[Residual], T_s_t: Array, values: Array, steps: Array
+    residuals: Sequence[Residual], T_s_t: Array, values: Array, steps: Array, names: Sequence[str]
 ) -> None:
     """Residuals of `values` (P,) are those of poses alone there, and their derivative is true."""
     kind: Any = type(residuals[0])
@@ -133,13 +131,18 @@ def _check_derivatives(
     np.testing.assert_allclose(r, np.concatenate([r for r, _ in one_by_one]), atol=1e-9)
     np.testing.assert_allclose(J, np.concatenate([J for _, J in one_by_one]), atol=1e-9 * scale)
     assert J_values.shape == (len(r), len(values))
-    for i, step in enumerate(np.diag(steps)):
-        difference = evaluate(T_s_t, values + step)[0] - evaluate(T_s_t, values - step)[0]
-        largest = max(float(np.abs(J_values[:, i]).max()), 1e-300)
-        expected = difference / (2 * step[i])
-        np.testing.assert_allclose(J_values[:, i], expected, atol=1e-5 * largest)
-    for i in range(6):
-        step = se3.exp(_POSE_STEP * np.eye(6)[i])
-        difference = evaluate(T_s_t @ step, values)[0]
-        difference = difference - evaluate(T_s_t @ se3.inverse(step), values)[0]
-        np.testing.assert_allclose(J[:, i], difference / (2 * _POSE_STEP), atol=1e-6 * scale)
+    by_values = [
+        evaluate(T_s_t, values + s)[0] - evaluate(T_s_t, values - s)[0] for s in np.diag(steps)
+    ]
+    largest = np.maximum(np.abs(J_values).max(axis=0), 1e-300)
+    numeric = np.transpose(by_values) / (2 * steps)
+    assert_derivative(
+        J_values, numeric, names, 1e-5 * largest, "the columns are the numbers to refine"
+    )
+    small = _POSE_STEP * np.eye(6)
+    by_pose = [
+        evaluate(T_s_t @ se3.exp(s), values)[0] - evaluate(T_s_t @ se3.exp(-s), values)[0]
+        for s in small
+    ]
+    numeric = np.transpose(by_pose) / (2 * _POSE_STEP)
+    assert_derivative(J, numeric, MOTION, 1e-6 * scale, OF_MOTION)

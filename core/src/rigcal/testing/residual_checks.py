@@ -19,6 +19,7 @@ from rigcal.plugin.answers import check_detection, check_residual
 from rigcal.residual import residual_of_geometry
 from rigcal.testing import strategies as st
 from rigcal.testing.capability import needs
+from rigcal.testing.derivatives import MOTION, OF_MOTION, assert_derivative
 from rigcal.testing.same import assert_same
 from rigcal.testing.stage import TOLERANCES, Stage
 from rigcal.testing.statistics import assert_chi_square, assert_covariance, assert_white
@@ -38,14 +39,15 @@ class ResidualChecks(Stage):
         rng = np.random.default_rng(0)
         for T_s_t in self.poses(rng, _POSES):
             candidate = self.detected(self.frame(T_s_t, rng, noise=False))
-            assert _rms(self.errors(candidate, T_s_t)) < limit
+            _assert_explained(self.errors(candidate, T_s_t), limit, unit, "detect")
 
     @needs("observe")
     def test_observation_without_noise_is_explained_by_the_true_pose(self) -> None:
         rng = np.random.default_rng(0)
         for T_s_t in self.poses(rng, _POSES):
             candidate = self.candidate(T_s_t, rng, noise=False)
-            assert _rms(self.errors(candidate, T_s_t)) < self.feature_tolerance
+            errors, limit = self.errors(candidate, T_s_t), self.feature_tolerance
+            _assert_explained(errors, limit, self.sensor_type.unit, "observe")
 
     @needs("errors", "measured_at")
     def test_errors_are_measured_on_the_board(self) -> None:
@@ -80,8 +82,8 @@ class ResidualChecks(Stage):
         residual = self.residual(candidate)
         r, J = residual(T_s_t)
         check_residual(residual, r, J)
-        assert r.dtype == J.dtype == np.float64
-        assert residual.block > 0
+        assert r.dtype == J.dtype == np.float64, f"{r.dtype} and {J.dtype}: compute in float64"
+        assert residual.block > 0, "`block` is the number of rows of one measurement"
 
     @needs("candidates")
     def test_residuals_evaluated_together_are_those_one_by_one(self) -> None:
@@ -112,7 +114,8 @@ class ResidualChecks(Stage):
             difference = [residual(T @ se3.exp(d))[0] - residual(T @ se3.exp(-d))[0] for d in step]
             J = residual(T)[1]
             largest = max(float(np.abs(J).max()), 1.0)
-            np.testing.assert_allclose(J, np.array(difference).T / (2 * _STEP), atol=1e-5 * largest)
+            numeric = np.array(difference).T / (2 * _STEP)
+            assert_derivative(J, numeric, MOTION, 1e-5 * largest, OF_MOTION)
 
         check()
 
@@ -137,13 +140,25 @@ class ResidualChecks(Stage):
 
     @needs("candidates")
     def test_order_of_measurements_does_not_matter(self) -> None:
+        """Arrays of equal length hold a row for each measurement; rows are shuffled together."""
         T_s_t, candidate = self._one()
         T = T_s_t @ se3.exp(np.array([0.01, -0.02, 0.01, 0.01, 0.0, -0.02]))
         shuffled = _shuffled(candidate, np.random.default_rng(3))
         (r, J), (r2, J2) = (self.residual(c)(T) for c in (candidate, shuffled))
         scale = float(np.abs(J.T @ J).max())
-        np.testing.assert_allclose(r2 @ r2, r @ r, rtol=1e-6)
-        np.testing.assert_allclose(J2.T @ J2, J.T @ J, rtol=1e-6, atol=1e-6 * scale)
+        same = np.isclose(r2 @ r2, r @ r, rtol=1e-6, atol=0.0)
+        same &= np.allclose(J2.T @ J2, J.T @ J, rtol=1e-6, atol=1e-6 * scale)
+        count = _length(candidate)
+        moved = [
+            f"'{k}' {np.shape(v)}" for k, v in candidate.measurement.items() if _rows(v) == count
+        ]
+        assert same, (
+            f"the rows of measurement {', '.join(moved)} were shuffled, all in the same way, and "
+            f"the residual is another one (sum of squares {r2 @ r2:.6g}, before {r @ r:.6g}): "
+            "arrays of equal length hold a row for each measurement, in any order. Store what must "
+            f"keep its order as one row, (1, {count}), or say in an array of its own what each row "
+            "belongs to"
+        )
 
     @needs("candidates")
     def test_candidate_survives_its_file(self) -> None:
@@ -199,8 +214,19 @@ class ResidualChecks(Stage):
         return [r for r, _ in residuals], sum(dof for _, dof in residuals)
 
 
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(errors))))
+def _assert_explained(errors: Array, limit: float, unit: str, by: str) -> None:
+    rms = float(np.sqrt(np.mean(np.square(errors))))
+    assert rms < limit, (
+        f"without noise the errors of what `{by}` reports are {rms:.3g} {unit} rms at the true "
+        f"pose, expected below {limit:g} {unit}: it is biased, or a frame, unit or the place of a "
+        "point on the target is another one than in the simulator; if noise is left, set "
+        "`noise_free_config` or `noise_free_effects` in the test class"
+    )
+
+
+def _rows(value: Any) -> int | None:
+    """The length of an array; None for a number."""
+    return len(value) if np.ndim(value) else None
 
 
 def _length(candidate: Candidate) -> int:
@@ -212,8 +238,7 @@ def _length(candidate: Candidate) -> int:
 def _shuffled(candidate: Candidate, rng: np.random.Generator) -> Candidate:
     order = rng.permutation(_length(candidate))
     measurement = {
-        name: v[order] if np.ndim(v) and len(v) == len(order) else v
-        for name, v in candidate.measurement.items()
+        name: v[order] if _rows(v) == len(order) else v for name, v in candidate.measurement.items()
     }
     return Candidate(candidate.geometry, measurement, candidate.score)
 

@@ -75,6 +75,16 @@ def test_a_detector_that_fails_loses_its_frame_and_is_named() -> None:
     assert "the detector of sensor type 'sonar' failed: position is" in seen.reason
 
 
+def test_a_detector_cannot_end_the_program_but_its_user_can() -> None:
+    def detect(frame: Any, config: object, target: object) -> Detection:
+        raise SystemExit(9) if len(frame) else KeyboardInterrupt
+
+    observer = _observer(replace(SONAR, detect=detect))
+    assert "failed: SystemExit: 9" in observer.see("bow", "5", _message([1.0])).reason
+    with pytest.raises(KeyboardInterrupt):
+        observer.see("bow", "5", _message([]))
+
+
 @pytest.mark.parametrize(
     ("message", "complaint"),
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +42,8 @@ def _decode(message: Message, config: object) -> str:
     text: str = message.value.read_text()
     if text == "damaged":
         raise RecordingError(f"{message.origin}: found 'damaged', expected a range in m")
+    if text == "leave":
+        sys.exit(9)
     return str(float(text)) if text[0].isdigit() else text
 
 
@@ -49,6 +52,8 @@ def _detect(frame: str, config: object, target: object) -> Any:
     match frame:
         case "raise":
             raise ZeroDivisionError("division by zero")
+        case "exit":
+            sys.exit(9)
         case "None":
             return None
         case "nan":
@@ -163,7 +168,7 @@ def test_a_run_that_does_not_use_them_goes_on(rig: Path, command: Any) -> None:
 
 @pytest.mark.usefixtures("installed")
 def test_a_frame_that_a_plugin_fails_on_is_lost_and_named(rig: Path, command: Any) -> None:
-    contents = ["2.0", "2.1", "damaged", "4x", "raise", "None", "nan", "flat"]
+    contents = ["2.0", "2.1", "damaged", "4x", "leave", "raise", "exit", "None", "nan", "flat"]
     for number, text in enumerate(contents):
         (rig.parent / f"{number}.csv").write_text(text)
     out = rig.parent / "o.npz"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -31,7 +33,7 @@ class SonarConfig(SensorConfig, frozen=True):
 
 
 class Sonar:
-    def __init__(self, fault: type) -> None:
+    def __init__(self, fault: Any) -> None:
         self.fault = fault
 
     @hookimpl
@@ -41,7 +43,7 @@ class Sonar:
 
         return [SensorType("sonar", SonarConfig, (".none",), unused, unused, self.residual)]
 
-    def residual(self, candidate: Candidate, config: Any, target: Any) -> PoseResidual:
+    def residual(self, candidate: Candidate, config: Any, target: Any) -> Any:
         good = residual_of_geometry(candidate)
         assert isinstance(good, PoseResidual)
         return self.fault(good.T_s_t, good.W) if candidate.score < 1 else good
@@ -59,9 +61,27 @@ class NotFinite(PoseResidual):
         return r * np.array([1, 1, np.nan, 1, 1, 1]), J
 
 
-@pytest.mark.parametrize("fault", [FiveColumns, NotFinite])
+@dataclass(frozen=True, eq=False)
+class SplitBlocks(PoseResidual):
+    block: int = 4
+
+
+@dataclass(frozen=True, eq=False)
+class NoNumber(PoseResidual):
+    dof: Any = "6"
+
+
+def nothing(T_s_t: Array, W: Array) -> None:
+    """A factory that forgets to return what it made."""
+
+
+def exits(T_s_t: Array, W: Array) -> None:
+    sys.exit(9)
+
+
+@pytest.mark.parametrize("fault", [FiveColumns, NotFinite, SplitBlocks, NoNumber, nothing, exits])
 def test_sensor_exposure_and_shapes_are_named(
-    fault: type,
+    fault: Any,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     command: Any,

@@ -167,14 +167,14 @@ def _looked_at(stream: Stream, message: Message, look: Look) -> DetectedFrame:
     check_type(stream.sensor, kind, message)
     try:
         frame = kind.decode(message, stream.config)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         lost = Detection((), f"unreadable: {_decoder_error(stream, message, error)}")
         return DetectedFrame(stamp, message.origin, lost, unreadable=True)
     found = detect_in_frame(kind, stream.config, stream.target, frame, look.T_s_t)
     return DetectedFrame(stamp, message.origin, found)
 
 
-def _decoder_error(stream: Stream, message: Message, error: Exception) -> str:
+def _decoder_error(stream: Stream, message: Message, error: BaseException) -> str:
     """Why a frame is lost: what the plugin says of the data, or that the plugin is at fault."""
     if isinstance(error, RecordingError):
         return str(error)

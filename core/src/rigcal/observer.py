@@ -44,7 +44,7 @@ class Observer:
             frame = kind.decode(message, config)
         except RigcalError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise RecordingError(decoder_failure(kind, message, error)) from error
         found = detect_in_frame(kind, config, target, frame)
         return _observation(sensor, exposure, message.stamp_ns, message.origin, found)
@@ -70,7 +70,7 @@ class Observer:
             check_detection(found)
         except RigcalError as error:
             raise ObservationError(f"{where}: {error}") from error
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ObservationError(
                 f"{where}: sensor type '{kind.name}' cannot use {shapes or 'nothing'}: "
                 f"{type(error).__name__}: {error}"
@@ -93,7 +93,7 @@ def check_type(sensor: str, kind: SensorType, message: Message) -> None:
         )
 
 
-def decoder_failure(kind: SensorType, message: Message, error: Exception) -> str:
+def decoder_failure(kind: SensorType, message: Message, error: BaseException) -> str:
     """In words: a decoder raised what it should not."""
     return (
         f"{message.origin}: the decoder of sensor type '{kind.name}' failed with "
@@ -118,7 +118,7 @@ def detect_in_frame(
         else:
             found = kind.near(frame, config, target, T_s_t)
         check_detection(found)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         _log.debug("detector of sensor type '%s' raised", kind.name, exc_info=True)
         what = "" if isinstance(error, ObservationError) else f"{type(error).__name__}: "
         return Detection((), f"the detector of sensor type '{kind.name}' failed: {what}{error}")

@@ -24,6 +24,7 @@ from rigcal.plane_residual import (
     beam_residual,
     biased_beam_residual,
 )
+from rigcal.plugin.answers import check_rows
 from rigcal.plugin.contract import Residual, SensorConfig, SensorType, Stacked
 from rigcal.targets.target import Target
 
@@ -129,8 +130,8 @@ def residual_of(
     """The sensor type's own residual, or the default one of the geometry.
 
     A candidate made by hand has the default one. ObservationError if the
-    type's own cannot be made of the candidate's measurements, or if the
-    target may be bent, which a geometry does not tell.
+    type's own cannot be made of the candidate's measurements or is no residual,
+    or if the target may be bent, which a geometry does not tell.
     """
     if kind.residual is None or candidate.by_hand:
         if target.may_bend:
@@ -140,15 +141,23 @@ def residual_of(
             )
         return residual_of_geometry(candidate)
     try:
-        return kind.residual(candidate, config, target)
+        residual = kind.residual(candidate, config, target)
     except RigcalError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         shapes = ", ".join(f"{k} {np.shape(v)}" for k, v in candidate.measurement.items())
         raise ObservationError(
             f"the residual of sensor type '{kind.name}' cannot be made of its measurements "
             f"({shapes or 'none'}): {type(error).__name__}: {error}"
         ) from error
+    try:
+        check_rows(residual)
+    except ObservationError as error:
+        raise ObservationError(
+            f"the residual of sensor type '{kind.name}' breaks its contract: {error}; its plugin "
+            "needs mending"
+        ) from error
+    return residual
 
 
 def residual_of_geometry(candidate: Candidate) -> Residual:

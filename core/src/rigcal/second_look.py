@@ -108,7 +108,7 @@ def _found(stream: Stream, o: Observation, frames: Sequence[DetectedFrame]) -> C
         return None
     try:
         return combine(stream, [c for c, agrees in zip(candidates, agreed, strict=True) if agrees])
-    except Exception:
+    except (Exception, SystemExit):
         # As at the first look: a plugin that fails loses its frames, not the run.
         _log.debug("frames of %s could not be combined", stream.sensor, exc_info=True)
         return None

@@ -78,7 +78,7 @@ def test_exporter_with_several_files_fills_a_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (None, "exporter 'acme' answered a NoneType, expected text"),
+        (None, "exporter 'acme' answered nothing, expected text"),
         ({"../a.txt": "a"}, "answered the file '../a.txt', expected text by file name"),
         ({"a.txt": 3}, "answered the file 'a.txt', expected text"),
     ],

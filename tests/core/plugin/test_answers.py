@@ -27,6 +27,7 @@ def test_a_whole_answer_passes() -> None:
     ("answer", "complaint"),
     [
         (None, "it answered nothing, expected a Detection"),
+        (3, "it answered an int, expected a Detection"),
         ([GOOD], "it answered a list, expected a Detection"),
         (Detection(("here",)), "candidate 0: found a str, expected a Candidate"),  # type: ignore[arg-type]
         (replace(GOOD, geometry=np.eye(4)), "geometry is a ndarray, expected one of PoseGeometry"),

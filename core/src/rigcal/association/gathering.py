@@ -93,7 +93,7 @@ def _combined(
     for group in gathered.groups[:MOST_CANDIDATES]:
         try:
             candidates.append(combine(stream, group, common))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             reason = f"its frames could not be combined: {type(error).__name__}: {error}"
     if not candidates and not reason:
         reasons = [f.detection.reason for f in seen if f.detection.reason]

@@ -9,6 +9,7 @@ from rigcal.calibration import Calibration
 from rigcal.errors import InputError, PluginError, RigcalError
 from rigcal.exporting.exporter import Exported
 from rigcal.files import write_text
+from rigcal.plugin.checks import kind_of
 from rigcal.plugin.registry import Registry
 from rigcal.refined import rig_as_refined
 from rigcal.rig import Rig
@@ -34,7 +35,7 @@ def export(
         text = exporter.text(calibration, rig)
     except RigcalError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PluginError(
             f"exporter '{form}' failed with {type(error).__name__}: {error}"
         ) from error
@@ -74,7 +75,7 @@ def _check(form: str, text: object) -> None:
     if isinstance(text, str):
         return
     if not isinstance(text, Mapping):
-        raise PluginError(f"exporter '{form}' answered a {type(text).__name__}, expected text")
+        raise PluginError(f"exporter '{form}' answered {kind_of(text)}, expected text")
     for name, content in text.items():
         whole = isinstance(name, str) and isinstance(content, str)
         if not whole or Path(name).name != name:

@@ -78,7 +78,7 @@ class Family:
         """Weighted r (N,) and J (N, 6 + P)."""
         try:
             r, J = self._call(T_s_t, values)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._fault(T_s_t) from error
         if r.shape != self._weights.shape or J.shape != (len(r), 6 + self._numbers):
             raise self._fault(T_s_t)
@@ -153,7 +153,7 @@ def _problem(residual: Residual, T_s_t: Array) -> str:
         check_residual(residual, *residual(T_s_t))
     except ObservationError as error:
         return str(error)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return f"it failed with {type(error).__name__}: {error}"
     return ""
 

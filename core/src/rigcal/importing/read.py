@@ -26,7 +26,7 @@ def import_file(path: Path | str, registry: Registry) -> Imported:
             found = importer.read(text, path.stem)
         except RigcalError as error:
             raise ConfigError(f"{path}: {error}") from error
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise PluginError(
                 f"importer '{name}' failed on {path} with {type(error).__name__}: {error}"
             ) from error

@@ -72,19 +72,20 @@ def _edges(
         T_s_t = se3.inverse(site.T_root_s[name]) @ pose.T_root_t
         try:
             candidate = _observed(kind, T_s_t, config, target, rng)
+            if candidate is None:
+                continue
+            residual = residual_of(kind, candidate, config, target)
         except PluginError:
             raise
         except RigcalError as error:
             raise ConfigError(f"sensors.{name}: {error}") from error
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise PluginError(
                 f"sensor '{name}': type '{config.type}' fails to simulate what it sees of a board: "
                 f"{type(error).__name__}: {error}; its plugin needs mending"
             ) from error
-        if candidate is not None:
-            residual = residual_of(kind, candidate, config, target)
-            scale, in_plane = scales.get(name, 1.0), candidate.tells_turn
-            edges.append(SensorTargetEdge(name, exposure, residual, scale, in_plane=in_plane))
+        scale, in_plane = scales.get(name, 1.0), candidate.tells_turn
+        edges.append(SensorTargetEdge(name, exposure, residual, scale, in_plane=in_plane))
     return edges
 
 

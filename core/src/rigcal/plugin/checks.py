@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 
+def kind_of(value: object) -> str:
+    """What a value is, in a message: "a str", "an int", "nothing"."""
+    name = type(value).__name__
+    return "nothing" if value is None else f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+
+
 def _check_sensor(sensor: Any) -> None:
     from rigcal.plugin.contract import CONTRACT_VERSION, Effects, SensorConfig, SensorType
     from rigcal.plugin.refinable import Refinable

@@ -11,7 +11,7 @@ import pluggy
 
 from rigcal.errors import PluginError
 from rigcal.plugin import hookspecs
-from rigcal.plugin.checks import CHECKS
+from rigcal.plugin.checks import CHECKS, kind_of
 
 KINDS = {
     "rigcal_sensor_types": "sensor type",
@@ -99,5 +99,5 @@ def _items(manager: pluggy.PluginManager, hook: str) -> Iterator[Any]:
         raise PluginError(f"{hook} failed with {type(error).__name__}: {error}") from error
     for answer in answers:
         if not isinstance(answer, (list, tuple)):
-            raise PluginError(f"{hook} returned a {type(answer).__name__}, expected a list")
+            raise PluginError(f"{hook} returned {kind_of(answer)}, expected a list")
         yield from answer

@@ -83,7 +83,7 @@ def open_recording(
         raise
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _failure(chosen, path, error) from error
 
 
@@ -92,11 +92,11 @@ def _accepts(form: RecordingFormat, path: Path) -> bool:
         return bool(form.accepts(path))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _failure(form, path, error) from error
 
 
-def _failure(form: RecordingFormat, path: Path, error: Exception) -> RecordingError:
+def _failure(form: RecordingFormat, path: Path, error: BaseException) -> RecordingError:
     return RecordingError(
         f"{path}: recording format '{form.name}' failed with {type(error).__name__}: {error}"
     )

@@ -7,7 +7,6 @@ links to them are rewritten.
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import posixpath
 import re
@@ -20,10 +19,6 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 _LINK = re.compile(r"(\]\()([^)\s#]+)(#[^)\s]*)?(\))")
 _OUTSIDE = "repository"
-_REFERENCE = {
-    "reference/api.md": ("rigcal", "core/src/rigcal/__init__.py"),
-    "reference/plugin-api.md": ("rigcal.plugin", "core/src/rigcal/plugin/__init__.py"),
-}
 
 
 def on_config(config: Any) -> Any:
@@ -69,7 +64,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
 
     if page.file.src_uri == "reference/commands.md":
         markdown += "\n" + _commands_page()
-    return _LINK.sub(rewritten, markdown + _undescribed(page.file.src_uri, markdown))
+    return _LINK.sub(rewritten, markdown)
 
 
 def _commands_page() -> str:
@@ -81,21 +76,6 @@ def _commands_page() -> str:
     spec.loader.exec_module(module)
     text: str = module.commands_page()
     return text
-
-
-def _undescribed(page: str, markdown: str) -> str:
-    """Public names that a page of the reference does not describe yet, at its end."""
-    if page not in _REFERENCE:
-        return ""
-    package, source = _REFERENCE[page]
-    exports = next(
-        ast.literal_eval(node.value)
-        for node in ast.parse((ROOT / source).read_text(encoding="utf-8")).body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
-    )
-    lines = [f"::: {package}.{name}" for name in exports]
-    missing = [line for line in lines if line not in markdown.splitlines()]
-    return "\n".join(["\n\n## More", *missing, ""]) if missing else ""
 
 
 def _target(page: Path, link: str) -> Path | None:

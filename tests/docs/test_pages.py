@@ -26,6 +26,7 @@ ELSEWHERE = {
     "nightly-check.md": "test_embedding_pages.py",
     "other-doors.md": "test_other_doors.py",
     "ros2-node.md": "test_embedding_pages.py",
+    "write-a-plugin.md": "test_write_a_plugin.py",
 }
 CAMERA = {
     "type": "camera", "width_px": 640, "height_px": 480, "focal_px": [500.0, 500.0],

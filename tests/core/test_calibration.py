@@ -56,8 +56,13 @@ def test_covariances_and_sigmas_survive_the_file(calibration, tmp_path):
         )
 
 
+def test_a_misspelt_sensor_is_told_the_nearest(calibration):
+    with pytest.raises(ConfigError, match=r"no sensor 'rot', did you mean 'root'\? \(has: root, a"):
+        calibration.T("a", "rot")
+
+
 def test_pose_between_sensors_that_nothing_connects_is_an_error(calibration):
-    with pytest.raises(ConfigError, match=r"no way from sensor 'gps' .*has: root, a, b"):
+    with pytest.raises(ConfigError, match=r"no sensor 'gps' \(has: root, a, b\)"):
         calibration.T("a", "gps")
     circle = {"a": SensorResult("b", np.eye(4)), "b": SensorResult("a", np.eye(4))}
     with pytest.raises(ConfigError, match="no way from sensor 'a' to root 'root'"):

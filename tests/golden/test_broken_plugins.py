@@ -116,6 +116,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "twice-a": lambda: _sensors(PING),
     "twice-b": lambda: _sensors(PING),
     "commands": lambda: _offering("rigcal_commands", _ping),
+    "own": lambda: _offering("rigcal_commands", ("calibrate", _ping)),
     "typer": lambda: _offering("rigcal_commands", ("turn", _turn)),
     "formats": lambda: _offering("rigcal_recording_formats", ".clf"),
     "exporters": lambda: _offering("rigcal_exporters", Exporter("urdf", "for robots", "text")),  # type: ignore[arg-type]

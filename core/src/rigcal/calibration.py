@@ -11,6 +11,7 @@ from rigcal.diagnosis.verdict import Verdict
 from rigcal.errors import ConfigError
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
+from rigcal.validation import nearest_of
 
 
 @dataclass(frozen=True)
@@ -148,6 +149,8 @@ class Calibration:
         return mean / size if size > 0.3 else np.array([0.0, 0.0, 1.0])
 
     def _T_root(self, name: str) -> Array:
+        if name != self.root and name not in self.sensors:
+            raise ConfigError(f"no sensor '{name}'{nearest_of(name, [*self.sensors])}")
         T = np.eye(4)
         seen: set[str] = set()
         while name != self.root:

@@ -12,13 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer
 
 from rigcal import __version__
 from rigcal.calibration import Calibration, RefinedNumber, Rejection, SensorResult
 from rigcal.calibration_file import load_calibration, save_calibration
+from rigcal.cli.app import make_app
 from rigcal.errors import InputError, NotConnectedError, RecordingError
 from rigcal.observation_file import load_observations
-from rigcal.plugin import hookimpl
+from rigcal.plugin import Registry, hookimpl
+from rigcal.plugin.offer import OWN_NAMES
 from rigcal.rig import Rig
 
 Command = Callable[..., Any]
@@ -307,22 +310,55 @@ def test_command_of_a_plugin_does_not_replace_one_of_rigcal(
     ran = command("evaluate", "no.yaml", "--truth", "no.yaml")
     assert ran.code == 2
     assert "no.yaml: no such file" in ran.err
-    warning = "a plugin offers the command 'evaluate', which is rigcal's own: left out"
-    assert f"WARNING: {warning}\n" in ran.err
+    assert "evaluate" not in ran.err
     assert command("hello").code == 0
+    listed = command("plugins").out
+    assert "broken: plugin 'acme' of this program is left out: command 'evaluate' is" in listed
+
+
+def test_the_commands_of_rigcal_are_those_that_plugins_cannot_take() -> None:
+    group: Any = typer.main.get_command(make_app(Registry()))
+    assert list(group.commands) == list(OWN_NAMES["rigcal_commands"])
 
 
 def test_unexpected_error_is_one_message_and_a_traceback_with_v(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: Command
+) -> None:
+    monkeypatch.setattr("rigcal.rig.rig_schema", lambda registry: 1 / 0)
+    ran = command("schema")
+    assert ran.code == 1
+    error = ran.err
+    assert error.startswith("rigcal: unexpected ZeroDivisionError: division by zero\n")
+    assert "Traceback" not in error
+    ran = command("schema", "-v")
+    assert ran.code == 1
+    assert "Traceback" in ran.err
+
+
+def test_command_of_a_plugin_that_fails_is_named_with_its_plugin(
     place: Path, command: Command
 ) -> None:
     ran = command("fail")
-    assert ran.code == 1
-    error = ran.err
-    assert error.startswith("rigcal: unexpected ZeroDivisionError: in the plugin\n")
-    assert "Traceback" not in error
-    ran = command("fail", "-v")
-    assert ran.code == 1
-    assert "Traceback" in ran.err
+    assert ran == (
+        2,
+        "",
+        "rigcal: command 'fail' of plugin 'sonar' of acme-sonar 2.0 failed with ZeroDivisionError: "
+        "in the plugin; run again with -v to see where\n",
+    )
+    assert "Traceback" in command("fail", "--verbose").err
+
+
+def test_a_command_or_schema_that_is_missing_may_be_that_of_a_plugin(
+    place: Path, command: Command
+) -> None:
+    hint = "plugins bring more: `rigcal plugins` lists those that are installed"
+    code, out, err = command("sonnar")
+    assert (code, out) == (2, "")
+    assert "no command 'sonnar' (has: " in err
+    assert hint in " ".join(err.replace("│", " ").split())
+    assert command("schema", "scenario") == (
+        2, "", f"rigcal: no schema of 'scenario' (has: notes, rig); {hint}\n"
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("arguments", [["sonnar"], ["detect"], ["detect", "--jobs", "0"]])

@@ -273,8 +273,23 @@ def test_name_offered_twice_is_an_error_for_who_asks_for_it(install: Install) ->
         registry.target_type("disc")
     assert str(caught.value) == (
         "target type 'disc' is offered by 'acme' of acme-disc 1.2 and by 'acme' of other-disc 1.2; "
-        "uninstall all but one of them"
+        "uninstall all but one of them: pip uninstall acme-disc, pip uninstall other-disc"
     )
+    offers = {p.distribution: p.offers for p in registry.plugins}
+    assert offers["acme-disc"] == offers["other-disc"] == ""
+
+
+def test_a_name_of_rigcals_own_stays_its_own(install: Install) -> None:
+    install("acme-board", DISC_SOURCE.replace("disc", "charuco"))
+    install("acme-command", COMMAND_SOURCE.replace('"ping", ping', '"plan", ping), ("pong", ping'))
+    registry = Registry.from_entry_points()
+    assert registry.target_type("charuco") in BUILTIN_TARGETS
+    assert registry.commands.keys() & {"plan", "pong"} == {"pong"}
+    errors = {b.distribution: b.error for b in registry.broken}
+    assert errors["acme-board"] == "target type 'charuco' is rigcal's own"
+    assert errors["acme-command"] == "command 'plan' is rigcal's own"
+    offers = {p.distribution: p.offers for p in registry.plugins}
+    assert (offers["acme-board"], offers["acme-command"]) == ("", "command pong")
 
 
 def test_equal_entry_point_names_of_different_plugins_both_work(install: Install) -> None:

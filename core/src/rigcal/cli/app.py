@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from rigcal import __version__
 from rigcal.cli.calibrate import calibrate
@@ -21,12 +22,12 @@ from rigcal.cli.fuse import fuse
 from rigcal.cli.init import init
 from rigcal.cli.new_plugin import new_plugin
 from rigcal.cli.plan import plan
-from rigcal.cli.plugins import plugins
+from rigcal.cli.plugins import PLUGINS_BRING_MORE, plugins
 from rigcal.cli.schema import schema
 from rigcal.cli.target import target
 from rigcal.cli.validate import validate
 from rigcal.cli.view import view
-from rigcal.errors import RigcalError
+from rigcal.errors import PluginError, RigcalError
 from rigcal.plugin.registry import Registry
 
 _COMMANDS: dict[str, Callable[..., Any]] = {
@@ -61,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # loky replaces workers that have grown; nobody can do anything about it, or need to.
     warnings.filterwarnings("ignore", "A worker was restarted", UserWarning)
     try:
-        make_app(Registry.from_entry_points(hooks=("rigcal_commands",)))(given)
+        _run(given)
     except RigcalError as error:
         _fail(str(error), error.exit_code, verbose)
     except MemoryError:
@@ -75,10 +76,41 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
 
 
+def _run(given: list[str]) -> None:
+    """The command that is given; PluginError where one of a plugin raises what it should not."""
+    registry = Registry.from_entry_points(hooks=("rigcal_commands",))
+    app = make_app(registry)
+    try:
+        app(given)
+    except (RigcalError, MemoryError):
+        raise
+    except Exception as error:
+        owner = registry.command_owner(given[0]) if given else None
+        if owner is None:
+            raise
+        raise PluginError(
+            f"command '{given[0]}' of plugin {owner} failed with {type(error).__name__}: {error}; "
+            "run again with -v to see where"
+        ) from error
+
+
+class _Commands(TyperGroup):
+    """A command that is not there may come with a plugin that is not."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            from rigcal.validation import nearest_of
+
+            known = nearest_of(args[0], list(self.commands))
+            ctx.fail(f"no command '{args[0]}'{known}; {PLUGINS_BRING_MORE}")
+        return super().resolve_command(ctx, args)
+
+
 def make_app(registry: Registry) -> typer.Typer:
     """The commands of core and of the registry's plugins."""
     app = typer.Typer(
         name="rigcal",
+        cls=_Commands,
         help="Extrinsic calibration of any mix of cameras, laser range finders and other sensors.",
         epilog=_left_out(registry),
         no_args_is_help=True,
@@ -87,13 +119,8 @@ def make_app(registry: Registry) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_options)
-    commands = {**registry.commands, **_COMMANDS}
-    for name, run in sorted(commands.items(), key=lambda item: item[0] in _COMMANDS):
+    for name, run in {**registry.commands, **_COMMANDS}.items():
         app.command(name)(run)
-    for name in sorted(registry.commands.keys() & _COMMANDS.keys()):
-        logging.getLogger("rigcal").warning(
-            "a plugin offers the command '%s', which is rigcal's own: left out", name
-        )
     return app
 
 

@@ -6,6 +6,8 @@ from dataclasses import asdict
 
 from rigcal.cli.output import Json, print_json, print_line, print_table
 
+PLUGINS_BRING_MORE = "plugins bring more: `rigcal plugins` lists those that are installed"
+
 
 def plugins(json: Json = False) -> None:
     """List the installed plugins and what they offer."""

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rigcal.cli.output import print_json
+from rigcal.cli.plugins import PLUGINS_BRING_MORE
 
 
 def schema(
@@ -23,5 +24,6 @@ def schema(
     registry = Registry.from_entry_points()
     schemas = {**registry.schemas, "rig": rig_schema}
     if file not in schemas:
-        raise ConfigError(f"no schema of '{file}'{nearest_of(file, sorted(schemas))}")
+        known = nearest_of(file, sorted(schemas))
+        raise ConfigError(f"no schema of '{file}'{known}; {PLUGINS_BRING_MORE}")
     print_json(schemas[file](registry))

@@ -24,6 +24,26 @@ KINDS = {
 }
 """What people call what a hook hands over."""
 HOOKS = tuple(sorted(KINDS))
+OWN_NAMES = {
+    "rigcal_commands": (
+        "init",
+        "detect",
+        "calibrate",
+        "plan",
+        "evaluate",
+        "compare",
+        "validate",
+        "export",
+        "fuse",
+        "view",
+        "target",
+        "plugins",
+        "new-plugin",
+        "schema",
+    ),
+    "rigcal_schemas": ("rig",),
+}
+"""Names that plugins cannot take, of what core offers beside its own objects of the hooks."""
 Offer = Mapping[str, tuple[Any, ...]]
 """The checked objects of one plugin by hook; each has a `name`."""
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points, version
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from rigcal.errors import PluginError
 from rigcal.plugin.hookspecs import hookimpl
-from rigcal.plugin.offer import HOOKS, KINDS, Offer, collect, in_words
+from rigcal.plugin.offer import HOOKS, KINDS, OWN_NAMES, Offer, collect, in_words
 
 if TYPE_CHECKING:
     from rigcal.exporting.exporter import Exporter
@@ -22,8 +22,22 @@ if TYPE_CHECKING:
     from rigcal.targets.target import TargetType
 
 GROUP = DISTRIBUTION = "rigcal"
-_CLASH = "uninstall all but one of them"
 _T = TypeVar("_T")
+
+
+class _Owner(NamedTuple):
+    """Whose an offer is; in a message: 'radar' of acme-radar 1.2."""
+
+    name: str
+    distribution: str
+    version: str
+
+    def __str__(self) -> str:
+        label = f"{self.distribution} {self.version}".strip() or "this program"
+        return f"'{self.name}' of {label}"
+
+
+_CORE = _Owner("built in", DISTRIBUTION, version(DISTRIBUTION))
 
 
 @dataclass(frozen=True)
@@ -47,16 +61,14 @@ class BrokenPlugin:
     remedy: str = ""
 
     def __str__(self) -> str:
-        label = _label(self.distribution, self.version)
+        owner = _Owner(self.name, self.distribution, self.version)
         remedy = f"; {self.remedy}" if self.remedy else ""
-        return f"plugin '{self.name}' of {label} is left out: {self.error}{remedy}"
+        return f"plugin {owner} is left out: {self.error}{remedy}"
 
 
 @dataclass(frozen=True)
 class _Installed:
-    name: str
-    distribution: str
-    version: str
+    owner: _Owner
     load: Callable[[], object]
 
 
@@ -89,16 +101,21 @@ class _Builtin:
 
 
 class _Table(Generic[_T]):
-    """Named offers of one kind; a name that two plugins offer belongs to neither."""
+    """Named offers of one kind; a name that two plugins offer belongs to neither.
 
-    def __init__(self, kind: str) -> None:
+    One of rigcal's own (`own`, and what core offers) stays rigcal's.
+    """
+
+    def __init__(self, kind: str, own: Iterable[str]) -> None:
         self.kind = kind
         self.entries: dict[str, _T] = {}
-        self.owners: dict[str, list[str]] = {}
+        self.owners: dict[str, list[_Owner]] = {name: [_CORE] for name in own}
 
-    def add(self, name: str, value: _T, owner: str) -> str | None:
-        """The complaint if the name is taken."""
+    def add(self, name: str, value: _T, owner: _Owner) -> tuple[str, str] | None:
+        """The complaint if the name is taken, and the remedy."""
         owners = self.owners.setdefault(name, [])
+        if _CORE in owners:
+            return f"{self.kind} '{name}' is rigcal's own", ""
         owners.append(owner)
         if len(owners) == 1:
             self.entries[name] = value
@@ -106,11 +123,16 @@ class _Table(Generic[_T]):
         self.entries.pop(name, None)
         return self.conflict(name)
 
-    def conflict(self, name: str) -> str | None:
+    def conflict(self, name: str) -> tuple[str, str] | None:
         owners = self.owners.get(name, [])
         if len(owners) < 2:
             return None
-        return f"{self.kind} '{name}' is offered by {' and by '.join(owners)}"
+        installed = dict.fromkeys(o.distribution for o in owners if o.distribution)
+        commands = ", ".join(f"pip uninstall {distribution}" for distribution in installed)
+        return (
+            f"{self.kind} '{name}' is offered by {' and by '.join(map(str, owners))}",
+            "uninstall all but one of them" + (f": {commands}" if commands else ""),
+        )
 
 
 class Registry:
@@ -141,37 +163,46 @@ class Registry:
         return registry
 
     def _collect(self, installed: list[_Installed], hooks: Collection[str]) -> None:
-        self._tables: dict[str, _Table[Any]] = {hook: _Table(kind) for hook, kind in KINDS.items()}
-        self._plugins: list[Plugin] = []
+        self._tables: dict[str, _Table[Any]] = {
+            hook: _Table(kind, OWN_NAMES.get(hook, ())) for hook, kind in KINDS.items()
+        }
         self._broken: list[BrokenPlugin] = []
-        builtin = _Installed("built in", DISTRIBUTION, version(DISTRIBUTION), _Builtin)
-        for one in [builtin, *installed]:
+        offers: list[tuple[_Owner, Offer]] = []
+        for one in [_Installed(_CORE, _Builtin), *installed]:
             # A plugin may fail in any way, sys.exit included: what does not use it goes on.
             try:
                 offer = collect(one.load(), hooks)
             except PluginError as error:
-                self._leave_out(one, str(error))
+                self._leave_out(one.owner, str(error))
             except (Exception, SystemExit) as error:
                 text = " ".join(str(error).split())
-                self._leave_out(one, f"importing it failed with {type(error).__name__}: {text}")
+                found = f"importing it failed with {type(error).__name__}: {text}"
+                self._leave_out(one.owner, found)
             else:
-                self._take(one, offer)
+                self._take(one.owner, offer)
+                offers.append((one.owner, offer))
+        self._plugins = [Plugin(*o, in_words(self._without_clashes(offer))) for o, offer in offers]
 
-    def _leave_out(self, one: _Installed, error: str, remedy: str = "") -> None:
-        if not remedy and one.distribution:
-            remedy = f"mend it or remove it: pip uninstall {one.distribution}"
-        self._broken.append(BrokenPlugin(one.name, one.distribution, one.version, error, remedy))
+    def _leave_out(self, owner: _Owner, error: str, remedy: str = "") -> None:
+        if not remedy and owner.distribution:
+            remedy = f"mend it or remove it: pip uninstall {owner.distribution}"
+        self._broken.append(BrokenPlugin(*owner, error, remedy))
 
-    def _take(self, one: _Installed, offer: Offer) -> None:
-        owner = f"'{one.name}' of {_label(one.distribution, one.version)}"
+    def _take(self, owner: _Owner, offer: Offer) -> None:
         complaints = [
             self._tables[hook].add(item.name, item, owner)
             for hook, items in offer.items()
             for item in items
         ]
-        self._plugins.append(Plugin(one.name, one.distribution, one.version, in_words(offer)))
         for complaint in filter(None, complaints):
-            self._leave_out(one, complaint, _CLASH)
+            self._leave_out(owner, *complaint)
+
+    def _without_clashes(self, offer: Offer) -> Offer:
+        """What of an offer is the plugin's alone."""
+        return {
+            hook: tuple(i for i in items if self._tables[hook].entries.get(i.name) is i)
+            for hook, items in offer.items()
+        }
 
     @property
     def sensor_types(self) -> Mapping[str, SensorType]:
@@ -212,6 +243,11 @@ class Registry:
         """Functions with typer annotations, by the command's name."""
         return {c.name: c.run for c in self._tables["rigcal_commands"].entries.values()}
 
+    def command_owner(self, name: str) -> str | None:
+        """Whose a command is, as "'radar' of acme-radar 1.2"; None where no plugin offers it."""
+        table = self._tables["rigcal_commands"]
+        return str(table.owners[name][0]) if name in table.entries else None
+
     @property
     def schemas(self) -> Mapping[str, Callable[..., dict[str, Any]]]:
         """Functions (registry) -> JSON Schema, by the name of the file described."""
@@ -247,7 +283,7 @@ class Registry:
         if name in table.entries:
             return table.entries[name]
         if conflict := table.conflict(name):
-            raise PluginError(f"{conflict}; {_CLASH}")
+            raise PluginError("; ".join(conflict))
         nearest = difflib.get_close_matches(str(name), table.entries, 1)
         guess, otherwise = (f", did you mean '{nearest[0]}'?", "else ") if nearest else ("", "")
         installed = ", ".join(sorted(table.entries)) or "none"
@@ -269,14 +305,13 @@ class Registry:
 
 def _given(plugin: object) -> _Installed:
     name = getattr(plugin, "__name__", type(plugin).__name__)
-    return _Installed(str(name), "", "", lambda: plugin)
+    return _Installed(_Owner(str(name), "", ""), lambda: plugin)
 
 
 def _installed(entry: EntryPoint) -> _Installed:
     dist = entry.dist
-    return _Installed(
-        entry.name, dist.name if dist else "", dist.version if dist else "", entry.load
-    )
+    owner = _Owner(entry.name, dist.name if dist else "", dist.version if dist else "")
+    return _Installed(owner, entry.load)
 
 
 def _mentions(entry: EntryPoint, hooks: Collection[str]) -> bool:
@@ -294,7 +329,3 @@ def _mentions(entry: EntryPoint, hooks: Collection[str]) -> bool:
 
 def _owner_of(entry: EntryPoint) -> str:
     return entry.dist.name if entry.dist else ""
-
-
-def _label(distribution: str, version: str) -> str:
-    return f"{distribution} {version}".strip() or "this program"

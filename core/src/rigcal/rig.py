@@ -91,9 +91,19 @@ class _RigFile(BaseModel):
 
 def load_rig(path: Path | str, registry: Registry) -> Rig:
     """The rig in a YAML file; ConfigError with file, line and key for all that is wrong in it."""
-    document = read_document(path, "a rig")
-    check_format(document, None, "a rig file, which names no format")
-    return _parse(document, registry)
+    return _parse(_read(path), registry)
+
+
+def load_targets(path: Path | str, registry: Registry) -> dict[str, Target]:
+    """The targets of a rig file by name, whose sensors need not be of types that are installed.
+
+    ConfigError with file, line and key for all that is wrong with the file and its targets.
+    """
+    problems = Problems(_read(path))
+    problems.validate(_RigFile, problems.document.data)
+    targets = _targets(problems, registry)
+    problems.raise_if_any()
+    return _built(targets, registry)
 
 
 def parse_rig(mapping: Mapping[str, Any], registry: Registry) -> Rig:
@@ -118,8 +128,12 @@ def rig_schema(registry: Registry) -> dict[str, Any]:
 
 def build_targets(rig: Rig, registry: Registry) -> dict[str, Target]:
     """The rig's targets by name; ConfigError for dimensions that do not make a board."""
+    return _built(rig.targets, registry)
+
+
+def _built(targets: Mapping[str, TargetConfig], registry: Registry) -> dict[str, Target]:
     built = {}
-    for name, config in rig.targets.items():
+    for name, config in targets.items():
         try:
             built[name] = registry.target_type(config.type).build(name, config)
         except ValueError as error:
@@ -156,10 +170,16 @@ def _to_top(rig: Rig, name: str) -> tuple[str, Array]:
     return name, T
 
 
+def _read(path: Path | str) -> Document:
+    document = read_document(path, "a rig")
+    check_format(document, None, "a rig file, which names no format")
+    return document
+
+
 def _parse(document: Document, registry: Registry) -> Rig:
     problems = Problems(document)
     header = problems.validate(_RigFile, document.data)
-    targets = _members(problems, "targets", lambda kind: registry.target_type(kind).config)
+    targets = _targets(problems, registry)
     sensors = _members(problems, "sensors", lambda kind: registry.sensor_type(kind).config)
     _check_names(problems, sensors, targets)
     _check_poses(problems, sensors)
@@ -170,6 +190,10 @@ def _parse(document: Document, registry: Registry) -> Rig:
     assert header is not None  # it is None only with a problem noted
     values = {name: getattr(header, name) for name in _RigFile.model_fields}
     return Rig(**values | {"targets": targets, "sensors": sensors})
+
+
+def _targets(problems: Problems, registry: Registry) -> dict[str, TargetConfig]:
+    return _members(problems, "targets", lambda kind: registry.target_type(kind).config)
 
 
 def _members(

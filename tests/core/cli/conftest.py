@@ -14,7 +14,7 @@ import typer
 
 from rigcal.calibration import Calibration, Rejection, ResidualStatistics, SensorResult
 from rigcal.observation import Candidate, Detection, Observation, PointGeometry
-from rigcal.plugin import SensorConfig, SensorType, hookimpl
+from rigcal.plugin import InputError, SensorConfig, SensorType, hookimpl
 
 RIG = """\
 version: 1
@@ -44,8 +44,10 @@ def ping(name: str, loud: bool = False) -> None:
     typer.echo(f"pong {name}" + "!" * loud)
 
 
-def fail() -> None:
-    """Fail unexpectedly."""
+def fail(mendable: bool = False) -> None:
+    """Fail, unexpectedly or not."""
+    if mendable:
+        raise InputError("no tape")
     raise ZeroDivisionError("in the plugin")
 
 

@@ -346,6 +346,7 @@ def test_command_of_a_plugin_that_fails_is_named_with_its_plugin(
         "in the plugin; run again with -v to see where\n",
     )
     assert "Traceback" in command("fail", "--verbose").err
+    assert command("fail", "--mendable") == (2, "", "rigcal: no tape\n")
 
 
 def test_a_command_or_schema_that_is_missing_may_be_that_of_a_plugin(
@@ -386,6 +387,17 @@ def test_target_writes_the_page_and_says_how_large_it_is(place: Path, command: C
     assert answer["page_mm"][0] == 430
     assert Path(answer["page"]).read_text().startswith("<?xml")
     assert command("target", "rig.yaml", "--out", "b.svg", "--quiet") == (0, "", "")
+
+
+def test_target_needs_the_type_of_the_board_only(place: Path, command: Command) -> None:
+    text = Path("rig.yaml").read_text().replace("sonar", "radar")
+    Path("radar.yaml").write_text(text)
+    assert command("target", "radar.yaml", "--out", "b.svg", "--quiet") == (0, "", "")
+    Path("disc.yaml").write_text(text.replace("checkerboard", "disc").replace("root:", "rot:"))
+    code, _, err = command("target", "disc.yaml", "--out", "c.svg")
+    assert code == 2
+    assert "disc.yaml:2: rot: unknown key, did you mean 'root'?" in err
+    assert "disc.yaml:4: targets.board.type: no target type 'disc' (installed: " in err
 
 
 @pytest.mark.parametrize(

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from rigcal.cli.detect import RigFile
 from rigcal.cli.output import Json, Quiet, print_json, print_line
-
-if TYPE_CHECKING:
-    from rigcal.rig import Rig
 
 
 def target(
@@ -36,12 +33,11 @@ def target(
     """
     from rigcal.plugin.registry import Registry
     from rigcal.printing import write_target_page
-    from rigcal.rig import build_targets, load_rig
+    from rigcal.rig import load_targets
 
-    registry = Registry.from_entry_points()
-    rig = load_rig(rig_file, registry)
-    name = _chosen(rig_file, rig, name)
-    board = build_targets(rig, registry)[name]
+    targets = load_targets(rig_file, Registry.from_entry_points())
+    name = _chosen(rig_file, list(targets), name)
+    board = targets[name]
     page = write_target_page(out, board, px_per_mm)
     board_mm = [round(1e3 * float(side), 3) for side in board.size]
     if json:
@@ -53,11 +49,10 @@ def target(
         print_line(f"{out}: '{name}' of {sizes[0]} mm on a page of {sizes[1]} mm; print at 100 %")
 
 
-def _chosen(rig_file: Path, rig: Rig, name: str | None) -> str:
+def _chosen(rig_file: Path, names: list[str], name: str | None) -> str:
     from rigcal.errors import ConfigError, InputError
     from rigcal.validation import nearest_of
 
-    names = list(rig.targets)
     if name is None and len(names) > 1:
         raise InputError(
             f"{rig_file} has several targets; add `--target NAME`, one of {', '.join(names)}"

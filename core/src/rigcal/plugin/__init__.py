@@ -12,7 +12,7 @@ from rigcal.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from rigcal.calibration import Calibration
-    from rigcal.errors import ObservationError, RecordingError
+    from rigcal.errors import InputError, ObservationError, RecordingError
     from rigcal.exporting.exporter import Exported, Exporter
     from rigcal.geometry.se3 import Array
     from rigcal.importing.importer import Imported, Importer
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "calibration": ("Calibration",),
-    "errors": ("ObservationError", "RecordingError"),
+    "errors": ("InputError", "ObservationError", "RecordingError"),
     "exporting.exporter": ("Exported", "Exporter"),
     "geometry.se3": ("Array",),
     "importing.importer": ("Imported", "Importer"),
@@ -86,6 +86,7 @@ __all__ = [
     "FrameView",
     "Imported",
     "Importer",
+    "InputError",
     "LineGeometry",
     "MeanGeometry",
     "Message",

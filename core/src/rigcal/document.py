@@ -151,7 +151,7 @@ def _walk(
         for index, item in enumerate(node.value):
             lines.setdefault((*path, index), item.start_mark.line + 1)
             _walk(loader, item, (*path, index), lines, name)
-    elif isinstance(node, yaml.MappingNode):
+    else:
         seen: dict[Key, int] = {}
         for key_node, value in node.value:
             if key_node.tag == "tag:yaml.org,2002:merge":

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from pydantic import ConfigDict
 
 from rigcal.geometry import se3
 from rigcal.geometry.se3 import Array
@@ -425,6 +426,35 @@ def test_the_reference_sensor_of_the_kit_reads_no_recordings() -> None:
         REFERENCE.decode(message, ReferenceConfig())
     found = REFERENCE.detect(None, ReferenceConfig(), TestBeacon().target)
     assert (found.candidates, found.reason) == ((), "the reference sensor observes only")
+
+
+def test_a_config_that_takes_nan_is_told() -> None:
+    class LooseConfig(BeaconConfig, frozen=True):
+        model_config = ConfigDict(allow_inf_nan=True)
+
+    class Stage(SensorConformance):
+        sensor_type = replace(BEACON, config=LooseConfig)
+        config = LooseConfig(topic="/beacon")
+
+    Stage.__test__ = False  # type: ignore[attr-defined]
+    with pytest.raises(AssertionError, match="sigma_m: nan is taken; rigcal"):
+        Stage().test_numbers_that_are_not_finite_are_refused()
+
+
+def test_a_message_without_a_header_has_no_stamp_to_carry(tmp_path: Path) -> None:
+    bare = "geometry_msgs/msg/Point"
+
+    def encode(frame: Array, config: Any, stamp_ns: int, frame_id: str) -> Any:
+        return ros.make(bare, **dict(zip("xyz", frame, strict=True)))
+
+    class Stage(SensorConformance):
+        sensor_type = replace(BEACON, message_types=(bare,), message_type=bare, encode=encode)
+        config = BeaconConfig(topic="/beacon")
+
+    Stage.__test__ = False  # type: ignore[attr-defined]
+    stage = Stage()
+    stage.folder = tmp_path
+    stage.test_messages_carry_the_stamp_and_frame_that_they_are_given()
 
 
 def test_frames_may_be_objects_of_any_class() -> None:

@@ -108,8 +108,9 @@ def misfit(g: Geometry, T_s_t: Array, target: Target, *, in_plane: bool = True) 
         return float(np.sqrt(np.mean(np.sum(difference**2, axis=1)))) / 2
     if isinstance(g, PointGeometry):
         apart = se3.apply(se3.inverse(T_s_t), g.position) - g.target_point
-        known = apart if in_plane else np.append(_beyond(g, T_s_t, target, in_plane), apart[2])
-        return float(np.linalg.norm(known))
+        if in_plane:
+            return float(np.linalg.norm(apart))
+        return float(np.hypot(apart[2], _beyond(g, T_s_t, target, in_plane)))
     n, d = plane_of_target(T_s_t)
     across = float(np.sqrt(np.mean((board_points(g, half_size(target)) @ n + d) ** 2)))
     return float(np.hypot(across, _beyond(g, T_s_t, target, in_plane)))

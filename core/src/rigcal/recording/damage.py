@@ -17,6 +17,7 @@ _BAG_INDEX, _BAG_CHUNK = b"op=\x04", b"op=\x05"
 def advice(path: Path) -> str:
     """Text to follow an error message about the bag at `path`, beginning with "; "."""
     try:
+        # What has no suffix of a bag is a folder, also when it has gone.
         advise = _folder if path.is_dir() else _ADVICE.get(path.suffix, _folder)
         return advise(path)
     except (OSError, struct.error):

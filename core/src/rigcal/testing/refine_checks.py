@@ -24,9 +24,9 @@ _POSE_STEP = 1e-6
 """Of a pose, rad and m."""
 
 _BEND = np.array([0.02, -0.01, 0.015])
-# Centimetres of height at the rim of a board of a metre.
-_FAR_BENT = 20 * _BEND
 """Some millimetres at the rim of a board of one metre."""
+_FAR_BENT = 20 * _BEND
+"""Some centimetres."""
 
 
 class RefineChecks(Stage):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
@@ -42,6 +44,26 @@ def command() -> Callable[..., Ran]:
         with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
             main([str(argument) for argument in arguments])
         return Ran(int(ended.value.code or 0), out.getvalue(), err.getvalue())
+
+    return run
+
+
+@pytest.fixture
+def own_tests() -> Callable[[Path], subprocess.CompletedProcess[str]]:
+    """`own_tests(folder)`: a plugin's tests by its own settings, as its author runs them.
+
+    But for the chi-square test over many rigs, which takes long and runs in tests/wheels.
+    """
+
+    def run(folder: Path) -> subprocess.CompletedProcess[str]:
+        arguments = ["-q", "-p", "no:cacheprovider", "-k", "not covariance_is_true"]
+        return subprocess.run(
+            [sys.executable, "-m", "pytest", *arguments],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(folder / "src")},
+            capture_output=True,
+            text=True,
+        )
 
     return run
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +17,12 @@ def test_it_is_the_smallest_example(desk: Any, page: Any, file: str) -> None:
     assert shown.read_text() == (ROOT / "examples" / "rigcal-minimal" / file).read_text()
 
 
-def test_it_is_listed_and_passes_the_kit_by_its_own_settings(desk: Any, page: Any) -> None:
+def test_it_is_listed_and_passes_the_kit_by_its_own_settings(
+    desk: Any, page: Any, own_tests: Any
+) -> None:
     desk.follow(page("guide/write-a-plugin.md"))
     assert "tracker" in desk.printed
-    # The chi-square test over many rigs takes most of the time; it runs in tests/wheels.
-    arguments = ["-q", "-p", "no:cacheprovider", "-k", "not covariance_is_true"]
     folder = desk.folder / "rigcal-tracker"
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", *arguments],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(folder / "src")},
-        capture_output=True,
-        text=True,
-    )
+    done = own_tests(folder)
     assert done.returncode == 0, done.stdout
     assert "passed, 1 deselected" in done.stdout

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,18 +14,12 @@ import rigcal
 from rigcal.errors import InputError
 
 
-def test_its_tests_pass_as_written(tmp_path: Path, lay_out: Callable[[Path], Any]) -> None:
+def test_its_tests_pass_as_written(
+    tmp_path: Path, lay_out: Callable[[Path], Any], own_tests: Any
+) -> None:
     folder = rigcal.new_plugin("side-scan", tmp_path / "rigcal-side-scan")
     lay_out(folder)
-    # The chi-square test over many rigs takes most of the time; it runs in tests/wheels.
-    arguments = ["-q", "-p", "no:cacheprovider", "-k", "not covariance_is_true"]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", *arguments],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(folder / "src")},
-        capture_output=True,
-        text=True,
-    )
+    done = own_tests(folder)
     assert done.returncode == 0, done.stdout
     assert re.search(r"\d\d passed, 1 deselected", done.stdout)
 

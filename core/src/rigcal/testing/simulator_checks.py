@@ -89,7 +89,8 @@ class SimulatorChecks(Stage):
                 self.simulate(T_s_t, self.config, np.random.default_rng(8), T)
                 for T in (np.eye(4), T_w_s)
             )
-            assert_same(here, there, 1e-9)
+            moved = "the frame depends on where the sensor stands: simulate it by T_w_s"
+            assert_same(here, there, 1e-9, where=moved)
 
     @needs("candidates")
     def test_board_straight_ahead_is_seen_straight_ahead(self) -> None:
